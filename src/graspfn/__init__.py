@@ -1,0 +1,1 @@
+"""graspfn: learning a grasp function, after Johns, Leutenegger and Davison (IROS 2016)."""

@@ -1,0 +1,1 @@
+"""Simulated trials and the statistics of their outcomes (paper V-A)."""

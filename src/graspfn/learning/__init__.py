@@ -1,0 +1,1 @@
+"""Learning the grasp function: augmentation, networks, training (paper IV, V)."""

@@ -1,0 +1,147 @@
+"""The networks: depth image (B, 1, 132, 176) -> logits (B, 33, 44, 6, 6), the last axis a score class."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import nn
+from torch.nn import functional
+
+from graspfn.geometry.grid import SHAPE
+from graspfn.learning.dataset import CLASSES
+from graspfn.params import Network
+from graspfn.workflow.seeds import seed_of
+
+
+class GraspNetwork(nn.Module):
+    """What every architecture offers: logits for the grasp function, and features for telling objects apart."""
+
+    n_features: int
+
+    def features(self, x: torch.Tensor) -> torch.Tensor:
+        """(B, 1, 132, 176) -> (B, n_features), of the layers that pre-training shares with the grasp function."""
+        raise NotImplementedError
+
+    def prior_bias(self) -> torch.Tensor:
+        """Bias of the output layer, as a view (..., 6) with one entry per score class."""
+        raise NotImplementedError
+
+    def set_prior(self, frequencies: np.ndarray) -> None:
+        """Start from predicting the classes' frequencies (6,) everywhere.
+
+        Nearly all poses miss the object: without this the first steps learn nothing but that.
+        """
+        with torch.no_grad():
+            log_prior = np.log(np.maximum(frequencies, 1e-4))
+            self.prior_bias().copy_(torch.as_tensor(log_prior - log_prior.mean(), dtype=torch.float32))
+
+
+class AlexNet(GraspNetwork):
+    """The paper's: five convolutions with max pooling and two fully-connected layers, the last of 8712 x 6 outputs."""
+
+    def __init__(self, width: int, hidden: int, dropout: float):
+        super().__init__()
+
+        def convolution(inputs: int, outputs: int, size: int, stride: int = 1) -> list[nn.Module]:
+            return [nn.Conv2d(inputs, outputs, size, stride, padding=size // 2), nn.ReLU(inplace=True)]
+
+        self.trunk = nn.Sequential(
+            *convolution(1, width, 7, stride=2),
+            nn.MaxPool2d(2),  # 33 x 44
+            *convolution(width, 2 * width, 5),
+            nn.MaxPool2d(2),  # 16 x 22
+            *convolution(2 * width, 4 * width, 3),
+            *convolution(4 * width, 4 * width, 3),
+            *convolution(4 * width, 4 * width, 3),
+            nn.MaxPool2d(2),  # 8 x 11
+            nn.Flatten(),
+        )
+        self.hidden = nn.Sequential(
+            nn.Dropout(dropout), nn.Linear(4 * width * 8 * 11, hidden), nn.ReLU(inplace=True), nn.Dropout(dropout)
+        )
+        self.output = nn.Linear(hidden, int(np.prod(SHAPE)) * CLASSES)
+        self.n_features = hidden
+        for layer in (*self.trunk, *self.hidden):
+            if isinstance(layer, nn.Conv2d | nn.Linear):  # torch's own draw fades out over six layers of ReLU
+                nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
+                assert layer.bias is not None
+                nn.init.zeros_(layer.bias)
+
+    def features(self, x: torch.Tensor) -> torch.Tensor:
+        return self.hidden(self.trunk(x))
+
+    def prior_bias(self) -> torch.Tensor:
+        return self.output.bias.view(*SHAPE, CLASSES)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return self.output(self.features(x)).view(-1, *SHAPE, CLASSES)
+
+
+def _block(inputs: int, outputs: int, size: int = 3, stride: int = 1) -> nn.Sequential:
+    return nn.Sequential(
+        nn.Conv2d(inputs, outputs, size, stride, padding=size // 2, bias=False),
+        nn.BatchNorm2d(outputs),
+        nn.ReLU(inplace=True),
+    )
+
+
+class FCN(GraspNetwork):
+    """Fully convolutional: the same weights for every position, as a grasp succeeds alike wherever the object lies.
+
+    One output cell is four input pixels a side. Two further halvings let it see the whole object (a cell sees 16 cm
+    each way) before the detail comes back through the skips.
+    """
+
+    def __init__(self, width: int):
+        super().__init__()
+        self.stem = nn.Sequential(_block(1, width, 5, stride=2), _block(width, 2 * width, 3, stride=2))
+        self.level0 = _block(2 * width, 2 * width)  # 33 x 44
+        self.level1 = nn.Sequential(_block(2 * width, 4 * width, stride=2), _block(4 * width, 4 * width))  # 17 x 22
+        self.level2 = nn.Sequential(  # 9 x 11
+            _block(4 * width, 8 * width, stride=2), _block(8 * width, 8 * width), _block(8 * width, 8 * width)
+        )
+        self.up1 = _block(12 * width, 4 * width)
+        self.up0 = nn.Sequential(_block(6 * width, 4 * width), _block(4 * width, 4 * width))
+        self.output = nn.Conv2d(4 * width, SHAPE[2] * CLASSES, 1)
+        self.n_features = 8 * width
+
+    def _map(self, x: torch.Tensor) -> torch.Tensor:
+        """(B, 4 width, 33, 44), before the output layer."""
+        x0 = self.level0(self.stem(x))
+        x1 = self.level1(x0)
+        x2 = self.level2(x1)
+        x1 = self.up1(torch.cat([x1, functional.interpolate(x2, size=x1.shape[-2:])], dim=1))
+        return self.up0(torch.cat([x0, functional.interpolate(x1, size=x0.shape[-2:])], dim=1))
+
+    def features(self, x: torch.Tensor) -> torch.Tensor:
+        seen = self._map(x)
+        return torch.cat([seen.mean(dim=(-2, -1)), seen.amax(dim=(-2, -1))], dim=1)
+
+    def prior_bias(self) -> torch.Tensor:
+        assert self.output.bias is not None
+        return self.output.bias.view(SHAPE[2], CLASSES)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        logits = self.output(self._map(x))
+        return logits.view(-1, SHAPE[2], CLASSES, *SHAPE[:2]).permute(0, 3, 4, 1, 2)
+
+
+class Classifier(nn.Module):
+    """A network's features and one linear layer on them: (B, 1, 132, 176) -> logits (B, classes)."""
+
+    def __init__(self, network: GraspNetwork, classes: int):
+        super().__init__()
+        self.network = network
+        self.head = nn.Linear(network.n_features, classes)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return self.head(self.network.features(x))
+
+
+def build_network(params: Network, seed: int = 0) -> GraspNetwork:
+    """An untrained network; its weights are drawn from the seed."""
+    with torch.random.fork_rng():
+        torch.manual_seed(seed_of(seed, "weights", params.architecture))
+        if params.architecture == "alexnet":
+            return AlexNet(params.width, params.hidden, params.dropout)
+        return FCN(params.width)

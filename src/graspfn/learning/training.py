@@ -1,0 +1,183 @@
+"""Learning by gradient descent: one loop, for the grasp function (paper IV) and for pre-training.
+
+A run is a pure function of its seed, data, parameters, device kind and number of threads (sums over a batch depend on
+how threads share it, hence the argument): sample order and dropout masks are drawn from (seed, step), so that a run
+that was interrupted and resumed ends with the same bits on a CPU as one that was not.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import torch
+from torch import nn
+from torch.nn import functional
+from torch.utils.data import DataLoader, Dataset
+from tqdm import tqdm
+
+from graspfn.learning.checkpoint import load_checkpoint, remove_checkpoint, save_checkpoint
+from graspfn.learning.dataset import CLASSES, GraspSamples
+from graspfn.learning.networks import GraspNetwork
+from graspfn.params import Network, Train
+from graspfn.workflow.seeds import generator, seed_of
+
+WARM_UP = 0.1  # share of the steps over which the learning rate rises
+Loss = Callable[[torch.Tensor, torch.Tensor], torch.Tensor]
+
+
+class TrainingError(ValueError):
+    """Training went wrong in a way that a parameter mends."""
+
+
+@dataclass(frozen=True)
+class Resources:
+    """What a run may use; only `device` and `threads` can change its last bits."""
+
+    device: torch.device
+    checkpoint_folder: Path
+    checkpoint_s: float
+    loaders: int = 0
+    threads: int = 1
+    progress: bool = True
+
+
+@dataclass(frozen=True)
+class Descent:
+    """How long and how fast."""
+
+    stage: str
+    seed: int
+    epochs: float
+    batch_size: int
+    learning_rate: float
+    weight_decay: float
+
+    def steps(self, samples: int) -> int:
+        return max(1, round(self.epochs * samples / self.batch_size))
+
+    def rate(self, step: int, steps: int) -> float:
+        """Rises linearly over the first tenth of the steps, then falls to 0 along half a cosine."""
+        rising = max(1, round(WARM_UP * steps))
+        if step < rising:
+            return self.learning_rate * (step + 1) / rising
+        return self.learning_rate * 0.5 * (1 + math.cos(math.pi * (step + 1 - rising) / (steps - rising + 1)))
+
+
+def grasp_loss(logits: torch.Tensor, classes: torch.Tensor) -> torch.Tensor:
+    """Cross-entropy, averaged over images and poses; logits (B, 33, 44, 6, 6), classes (B, 33, 44, 6) uint8.
+
+    The paper prints its loss without a logarithm, as the probability of the right class: minimised, that would drive
+    the right class away. Cross-entropy is what the text describes.
+    """
+    return functional.cross_entropy(logits.reshape(-1, CLASSES), classes.reshape(-1).long())
+
+
+def batches(samples: int, descent: Descent, start: int, stop: int) -> Iterator[list[int]]:
+    """Sample indices of the steps start..stop: shuffled epoch after shuffled epoch, cut into equal batches."""
+
+    @functools.lru_cache(maxsize=2)
+    def order(epoch: int) -> np.ndarray:
+        return generator(descent.seed, descent.stage, "order", epoch).permutation(samples)
+
+    for step in range(start, stop):
+        places = range(step * descent.batch_size, (step + 1) * descent.batch_size)
+        yield [int(order(place // samples)[place % samples]) for place in places]
+
+
+def _run_key(model: nn.Module, dataset: Any, descent: Descent, resources: Resources) -> str:
+    """Equal for two runs that would do the same: network, initial weights, data, parameters, threads."""
+    digest = hashlib.sha256(repr((model, descent, dataset.digest(), resources.threads, resources.device.type)).encode())
+    for tensor in model.state_dict().values():
+        digest.update(tensor.detach().cpu().contiguous().numpy().tobytes())
+    return digest.hexdigest()
+
+
+def fit(model: nn.Module, loss: Loss, dataset: Dataset, descent: Descent, resources: Resources) -> pd.DataFrame:
+    """Trains the model in place; returns its history, one line per step: step, epoch, learning_rate, loss."""
+    samples = len(dataset)  # type: ignore[arg-type]
+    steps = descent.steps(samples)
+    threads = torch.get_num_threads()
+    torch.set_num_threads(resources.threads)
+    try:
+        model.to(resources.device)
+        key = _run_key(model, dataset, descent, resources)
+        optimizer = torch.optim.AdamW(
+            model.parameters(), descent.learning_rate, weight_decay=descent.weight_decay, fused=True
+        )
+        losses = load_checkpoint(resources.checkpoint_folder, key, model, optimizer)
+        _descend(model, loss, dataset, optimizer, losses, key, descent, resources)
+    finally:
+        torch.set_num_threads(threads)
+    remove_checkpoint(resources.checkpoint_folder)
+    step = np.arange(steps)
+    return pd.DataFrame(
+        {
+            "step": step,
+            "epoch": (step + 1) * descent.batch_size / samples,
+            "learning_rate": [descent.rate(s, steps) for s in range(steps)],
+            "loss": losses,
+        }
+    )
+
+
+def _descend(
+    model: nn.Module,
+    loss: Loss,
+    dataset: Dataset,
+    optimizer: torch.optim.Optimizer,
+    losses: list[float],
+    key: str,
+    descent: Descent,
+    resources: Resources,
+) -> None:
+    """The steps that `losses` does not have yet, appending to it."""
+    samples, start = len(dataset), len(losses)  # type: ignore[arg-type]
+    steps = descent.steps(samples)
+    loader = DataLoader(
+        dataset,
+        batch_sampler=batches(samples, descent, start, steps),
+        num_workers=resources.loaders,
+        pin_memory=resources.device.type == "cuda",
+    )
+    bar = tqdm(total=steps, initial=start, desc=descent.stage, unit="step", disable=not resources.progress)
+    saved = time.monotonic()
+    model.train()
+    for step, (inputs, targets) in zip(range(start, steps), loader, strict=True):
+        torch.manual_seed(seed_of(descent.seed, descent.stage, "dropout", step))
+        for group in optimizer.param_groups:
+            group["lr"] = descent.rate(step, steps)
+        optimizer.zero_grad()
+        value = loss(model(inputs.to(resources.device)), targets.to(resources.device))
+        value.backward()
+        optimizer.step()
+        losses.append(value.item())
+        if not math.isfinite(losses[-1]):
+            bar.close()
+            raise TrainingError(
+                f"network.learning_rate: at {descent.learning_rate:g} the loss became {losses[-1]} in step {step + 1} "
+                f"of {steps}; it takes a smaller one"
+            )
+        bar.set_postfix(loss=f"{losses[-1]:.4f}", refresh=False)
+        bar.update()
+        if time.monotonic() - saved > resources.checkpoint_s and step + 1 < steps:
+            save_checkpoint(resources.checkpoint_folder, key, losses, model, optimizer)
+            saved = time.monotonic()
+    bar.close()
+
+
+def train(
+    network: GraspNetwork, dataset: GraspSamples, length: Train, params: Network, seed: int, resources: Resources
+) -> pd.DataFrame:
+    """Trains the network in place on the grasp functions of the dataset; returns the history of `fit`."""
+    network.set_prior(dataset.class_frequencies())
+    descent = Descent("train", seed, length.epochs, length.batch_size, params.learning_rate, params.weight_decay)
+    return fit(network, grasp_loss, dataset, descent, resources)

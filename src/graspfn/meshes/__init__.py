@@ -1,0 +1,1 @@
+"""Sources of objects, cleaning, scaling, the train/test split (paper III)."""

@@ -1,0 +1,44 @@
+"""The table of placed objects that stage place_objects writes: where each came to rest, or why it did not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.spatial.transform import Rotation
+
+from graspfn.workflow.files import write_parquet
+
+RESTING = "resting"
+COLUMNS = ("id", "class", "status", "qw", "qx", "qy", "qz", "x", "y", "z")
+
+
+def placed_row(name: str, category: str, status: str, T_world_object: np.ndarray) -> dict[str, Any]:
+    """One line of the table: the status, "resting" or why not, and T_world_object as quaternion and position (m)."""
+    quaternion = Rotation.from_matrix(T_world_object[:3, :3]).as_quat(scalar_first=True, canonical=True)
+    values = (name, category, status, *quaternion.tolist(), *T_world_object[:3, 3].tolist())
+    return dict(zip(COLUMNS, values, strict=True))
+
+
+def write_placed(path: Path, rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """Write the table, sorted by id, and return it."""
+    table = pd.DataFrame(rows, columns=list(COLUMNS)).sort_values("id", ignore_index=True)
+    write_parquet(path, table)
+    return table
+
+
+def read_resting(path: Path) -> pd.DataFrame:
+    """The objects that came to rest, sorted by id."""
+    table = pd.read_parquet(path)
+    return table[table["status"] == RESTING].reset_index(drop=True)
+
+
+def T_world_object(row: Mapping[Any, Any]) -> np.ndarray:
+    """(4, 4) resting pose of a line of the table."""
+    T = np.eye(4)
+    T[:3, :3] = Rotation.from_quat([row["qw"], row["qx"], row["qy"], row["qz"]], scalar_first=True).as_matrix()
+    T[:3, 3] = row["x"], row["y"], row["z"]
+    return T

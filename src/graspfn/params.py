@@ -1,0 +1,353 @@
+"""Every parameter of the workflow: its type, unit, meaning and limits, and the loader that checks params.yaml.
+
+Values only: no stage depends on this file (DVC tracks the values themselves), so nothing computed lives here.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import types
+import typing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import yaml
+
+T = TypeVar("T")
+
+
+class ParameterError(ValueError):
+    """A parameter that cannot be: one line that names the key and says what it takes."""
+
+
+@dataclass(frozen=True)
+class Key:
+    """What a parameter means and what it may be."""
+
+    meaning: str
+    at_least: float | None = None
+    above: float | None = None
+    at_most: float | None = None
+    one_of: tuple[str, ...] = ()
+
+    def check(self, value: Any, key: str) -> None:
+        for item in value if isinstance(value, tuple) else (value,):
+            if item is None:
+                continue
+            if self.one_of and item not in self.one_of:
+                raise ParameterError(f"{key}: {item!r} is not one of {', '.join(self.one_of)}")
+            if self.at_least is not None and not item >= self.at_least:
+                raise ParameterError(f"{key}: {item} is below {self.at_least:g}; it takes {self.meaning}")
+            if self.above is not None and not item > self.above:
+                raise ParameterError(f"{key}: {item} is not above {self.above:g}; it takes {self.meaning}")
+            if self.at_most is not None and not item <= self.at_most:
+                raise ParameterError(f"{key}: {item} is above {self.at_most:g}; it takes {self.meaning}")
+
+
+@dataclass(frozen=True)
+class Meshes:
+    """Where objects come from and how many (paper III, 'Objects were selected ...')."""
+
+    source: Annotated[str, Key("source of object meshes", one_of=("procedural", "folder"))]
+    folder: Annotated[str, Key("directory of mesh files, for source: folder")]
+    train: Annotated[int, Key("objects to train on", at_least=1)]
+    test: Annotated[int, Key("other objects to test on", at_least=1)]
+    size_min_cm: Annotated[float, Key("smallest largest-dimension of an object, cm", above=0)]
+    size_max_cm: Annotated[float, Key("largest largest-dimension of an object, cm", above=0)]
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole looking straight down at the table; its height follows from px_per_cell = 10 mm."""
+
+    width_px: Annotated[int, Key("image width, px", at_least=616)]
+    height_px: Annotated[int, Key("image height, px", at_least=462)]
+    focal_px: Annotated[float, Key("focal length, px", above=0)]
+    renderer: Annotated[str, Key("depth renderer", one_of=("embree", "opengl"))]
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Depth noise of the paper's eq. 2."""
+
+    sigma_p_px: Annotated[float, Key("std of pixel localisation, px", at_least=0)]
+    sigma_d_mm: Annotated[float, Key("std of the depth measurement, mm", at_least=0)]
+
+
+@dataclass(frozen=True)
+class Gripper:
+    """A kinematic hand and two fingers on revolute joints under constant torque (paper III-A)."""
+
+    name: Annotated[str, Key("name of the gripper, for reports")]
+    opening_mm: Annotated[float, Key("distance between the open fingertips, mm", above=0)]
+    knuckle_mm: Annotated[float, Key("distance between the two finger joints, mm", above=0)]
+    finger_length_mm: Annotated[float, Key("joint to fingertip, mm", above=0)]
+    finger_width_mm: Annotated[float, Key("finger size across the closing direction, mm", above=0)]
+    finger_thickness_mm: Annotated[float, Key("finger size along the closing direction, mm", above=0)]
+    palm_width_mm: Annotated[float, Key("palm size across the closing direction, mm", above=0)]
+    palm_height_mm: Annotated[float, Key("palm size above the finger joints, mm", above=0)]
+    clearance_mm: Annotated[float, Key("fingertips above the table at their lowest, mm", above=0)]
+    finger_inertia_kgm2: Annotated[float, Key("finger and geared drive about the finger joint, kg m^2", above=0)]
+    torque_nm: Annotated[float, Key("constant closing torque on each finger, N m", above=0)]
+    gear_friction_nm: Annotated[float, Key("Coulomb friction of each finger's drive, N m", at_least=0)]
+    closing_speed_rads: Annotated[float, Key("finger speed at which drag balances the torque, rad/s", above=0)]
+
+
+@dataclass(frozen=True)
+class Physics:
+    """The simulated world (docs/physics.md says how the values were chosen)."""
+
+    time_step_ms: Annotated[float, Key("integration step, ms", above=0, at_most=5)]
+    detector: Annotated[str, Key("DART collision detector", one_of=("ode", "fcl", "bullet", "dart"))]
+    friction: Annotated[float, Key("Coulomb coefficient of every contact", above=0)]
+    density_kgm3: Annotated[float, Key("object density, kg/m^3", above=0)]
+    faces: Annotated[int, Key("most faces of a collision mesh; the rendered mesh keeps all of its own", at_least=20)]
+
+
+@dataclass(frozen=True)
+class Settle:
+    """Dropping an object in a random orientation until it rests."""
+
+    drop_mm: Annotated[float, Key("height of the lowest point at the drop, mm", at_least=0)]
+    limit_s: Annotated[float, Key("simulated time after which an object counts as never resting, s", above=0)]
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One grasp: close for a fixed time, rise at constant speed (paper III-A)."""
+
+    close_s: Annotated[float, Key("time under torque before the hand rises, s", above=0)]
+    lift_mm: Annotated[float, Key("rise of the hand, mm", above=0)]
+    lift_speed_mms: Annotated[float, Key("speed of the rise, mm/s", above=0)]
+
+
+@dataclass(frozen=True)
+class Label:
+    """Labelling of every pose of Q (paper III-C)."""
+
+    attempts: Annotated[int, Key("attempts per pose, drawn uniformly inside its cell", at_least=1)]
+    max_failed: Annotated[float, Key("fraction of objects that may fail before the stage does", at_least=0, at_most=1)]
+
+
+@dataclass(frozen=True)
+class Augment:
+    """Random shifts and rotations of each training image (paper V)."""
+
+    samples: Annotated[int, Key("augmented samples per training image", at_least=1)]
+
+
+@dataclass(frozen=True)
+class Network:
+    """One architecture and how it is optimised."""
+
+    architecture: Annotated[str, Key("network architecture", one_of=("alexnet", "fcn"))]
+    width: Annotated[int, Key("channels of the first convolution; deeper ones scale with it", at_least=1)]
+    hidden: Annotated[int, Key("units of the first fully-connected layer (alexnet)", at_least=1)]
+    dropout: Annotated[float, Key("dropout before each fully-connected layer (alexnet)", at_least=0, at_most=0.95)]
+    learning_rate: Annotated[float, Key("peak learning rate of AdamW", above=0)]
+    weight_decay: Annotated[float, Key("weight decay of AdamW", at_least=0)]
+
+
+@dataclass(frozen=True)
+class Pretrain:
+    """Object classification before the grasp function (paper V)."""
+
+    epochs: Annotated[float, Key("passes over the augmented training set; 0 leaves it out", at_least=0)]
+    batch_size: Annotated[int, Key("samples per gradient step", at_least=1)]
+
+
+@dataclass(frozen=True)
+class Train:
+    """Learning the grasp function (paper IV)."""
+
+    epochs: Annotated[float, Key("passes over the augmented training set", above=0)]
+    batch_size: Annotated[int, Key("samples per gradient step", at_least=1)]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Refinement of the commanded pose below the spacing of Q (paper IV, 'trilinear interpolation')."""
+
+    fine_uv: Annotated[int, Key("refined positions per 10 mm cell", at_least=1)]
+    fine_theta: Annotated[int, Key("refined angles per 30 degree cell", at_least=1)]
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """The uncertainties of Table 1."""
+
+    sigma_uv_mm: Annotated[tuple[float, ...], Key("std of the reached position, mm", at_least=0)]
+    sigma_theta_deg: Annotated[tuple[float, ...], Key("std of the reached angle, degrees", at_least=0)]
+
+
+@dataclass(frozen=True)
+class Robot:
+    """The trials of Table 2, run by the simulated robot or read from a folder of recordings."""
+
+    source: Annotated[str, Key("who recorded the trials", one_of=("simulated", "folder"))]
+    folder: Annotated[str, Key("directory of .mcap files, for source: folder")]
+    objects: Annotated[int, Key("test objects the simulated robot grasps", at_least=1)]
+    placements: Annotated[int, Key("placements of each object", at_least=1)]
+    sigma_uv_mm: Annotated[tuple[float, ...], Key("std of the reached position in each condition, mm", at_least=0)]
+    sigma_theta_deg: Annotated[tuple[float, ...], Key("std of the reached angle in each condition, deg", at_least=0)]
+    depth_encoding: Annotated[str, Key("encoding of recorded depth images", one_of=("16UC1", "32FC1"))]
+
+
+@dataclass(frozen=True)
+class Topics:
+    """Topic names in the recordings."""
+
+    depth: Annotated[str, Key("sensor_msgs/Image, the depth image planned on")]
+    camera_info: Annotated[str, Key("sensor_msgs/CameraInfo of that image")]
+    commanded: Annotated[str, Key("geometry_msgs/PoseStamped sent to the arm")]
+    achieved: Annotated[str, Key("geometry_msgs/PoseStamped the gripper reached")]
+    joints: Annotated[str, Key("sensor_msgs/JointState of the hand and fingers")]
+    outcome: Annotated[str, Key("std_msgs/Bool, held at the top")]
+
+
+@dataclass(frozen=True)
+class Compute:
+    """How the work is done, never what comes out: no stage declares these keys."""
+
+    address: Annotated[str | None, Key("running Dask scheduler, e.g. tcp://host:8786; null: this machine")]
+    workers: Annotated[int, Key("worker processes on this machine; 0: one per core", at_least=0)]
+    device: Annotated[str, Key("torch device", one_of=("auto", "cpu", "cuda", "mps"))]
+    checkpoint_s: Annotated[float, Key("seconds of training between checkpoints", above=0)]
+    loaders: Annotated[int, Key("processes that prepare training samples; 0: none beside the trainer", at_least=0)]
+
+
+@dataclass(frozen=True)
+class Params:
+    """params.yaml, whole."""
+
+    seed: Annotated[int, Key("seed of every random draw", at_least=0)]
+    scale: Annotated[str, Key("name of the scale, for reports")]
+    meshes: Meshes
+    camera: Camera
+    noise: Noise
+    gripper: Gripper
+    physics: Physics
+    settle: Settle
+    attempt: Attempt
+    label: Label
+    augment: Augment
+    networks: Annotated[tuple[str, ...], Key("networks to train and compare; each is a key of `network`")]
+    network: dict[str, Network]
+    pretrain: Pretrain
+    train: Train
+    plan: Plan
+    evaluate: Evaluate
+    robot: Robot
+    topics: Topics
+    compute: Compute
+
+
+def _typed(hint: Any, value: Any, key: str) -> Any:
+    """`value` checked against the type hint of `key`, nested dataclasses built."""
+    if typing.get_origin(hint) is Annotated:
+        hint, rule = typing.get_args(hint)[:2]
+        value = _typed(hint, value, key)
+        rule.check(value, key)
+        return value
+    if dataclasses.is_dataclass(hint):
+        return build(typing.cast(type, hint), value, key)
+    origin, args = typing.get_origin(hint), typing.get_args(hint)
+    if origin is dict:
+        if not isinstance(value, dict) or not value:
+            raise ParameterError(f"{key}: takes one or more named entries, not {value!r}")
+        return {name: _typed(args[1], item, f"{key}.{name}") for name, item in value.items()}
+    if origin is tuple:
+        if not isinstance(value, list | tuple) or not value:
+            raise ParameterError(f"{key}: takes a list of {args[0].__name__}, not {value!r}")
+        return tuple(_typed(args[0], item, key) for item in value)
+    if origin is types.UnionType:
+        return None if value is None else _typed(args[0], value, key)
+    if hint is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if not isinstance(value, hint) or (isinstance(value, bool) and hint is not bool) or value != value:
+        raise ParameterError(f"{key}: takes {hint.__name__}, not {value!r}")
+    return value
+
+
+def build(cls: type[T], values: Any, key: str = "") -> T:
+    """A parameter dataclass from a mapping of plain values.
+
+    Raises ParameterError for an unknown or missing key, a wrong type or an impossible value.
+    """
+    prefix = f"{key}." if key else ""
+    if not isinstance(values, dict):
+        raise ParameterError(f"{key or 'params.yaml'}: takes a mapping, not {values!r}")
+    hints = typing.get_type_hints(cls, include_extras=True)
+    for name in values:
+        if name not in hints:
+            raise ParameterError(f"{prefix}{name}: unknown key; {key or 'params.yaml'} takes {', '.join(hints)}")
+    for name in hints:
+        if name not in values:
+            raise ParameterError(f"{prefix}{name}: missing")
+    return cls(**{name: _typed(hint, values[name], f"{prefix}{name}") for name, hint in hints.items()})
+
+
+def validate(values: Any) -> Params:
+    """The whole of params.yaml, checked key by key and then for keys that must agree."""
+    params = build(Params, values)
+    for name in params.networks:
+        if name not in params.network:
+            raise ParameterError(f"networks: {name!r} is not a key of `network` ({', '.join(params.network)})")
+    for section in ("meshes", "robot"):
+        part = getattr(params, section)
+        if part.source == "folder" and not Path(part.folder).is_dir():
+            raise ParameterError(f"{section}.folder: {part.folder!r} is not a directory")
+    if params.meshes.size_max_cm < params.meshes.size_min_cm:
+        raise ParameterError("meshes.size_max_cm: below meshes.size_min_cm")
+    if len(params.robot.sigma_uv_mm) != len(params.robot.sigma_theta_deg):
+        raise ParameterError("robot.sigma_theta_deg: takes as many values as robot.sigma_uv_mm")
+    return params
+
+
+def read_yaml(path: Path) -> Any:
+    """A YAML file's content; ParameterError names the file and line where it is not YAML."""
+    try:
+        return yaml.safe_load(path.read_text())
+    except FileNotFoundError:
+        raise ParameterError(f"{path}: no such file") from None
+    except yaml.YAMLError as error:
+        raise ParameterError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
+
+
+class Declared:
+    """The parameters that one stage declares in dvc.yaml, and no others.
+
+    `load("train", network="fcn")` gives an object whose attributes are the declared top-level keys
+    (`params.train`, ...); `network.${item.network}` is given as `params.network`, its name as `params.network_name`.
+    """
+
+    def __init__(self, stage: str, values: dict[str, Any], compute: Compute, network: str | None = None):
+        self.__dict__.update(values, compute=compute, stage=stage, network_name=network)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):  # what copying and pickling ask for
+            raise AttributeError(name)
+        raise ParameterError(f"{name}: stage {self.__dict__['stage']} does not declare this key in dvc.yaml")
+
+
+def load(stage: str, network: str | None = None, root: Path = Path()) -> Declared:
+    """Validate the whole of params.yaml and hand a stage the keys it declares.
+
+    `compute` comes along undeclared, since it cannot change a result.
+    """
+    params = validate(read_yaml(root / "params.yaml"))
+    declared = read_yaml(root / "dvc.yaml")["stages"][stage].get("params", [])
+    values: dict[str, Any] = {}
+    for key in declared:
+        name, _, rest = key.partition(".")
+        value = getattr(params, name)
+        if rest:
+            if not re.fullmatch(r"\$\{item\.\w+\}", rest) or network is None:
+                raise ParameterError(f"{key}: stage {stage} may declare whole sections and network.${{item.network}}")
+            if network not in value:
+                raise ParameterError(f"network.{network}: missing")
+            value = value[network]
+        values[name] = value
+    return Declared(stage, values, params.compute, network)

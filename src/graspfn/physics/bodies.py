@@ -1,0 +1,138 @@
+"""The skeletons of a grasp's world: table, object and gripper (paper III-A)."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import dartpy as dart
+import numpy as np
+import trimesh
+
+from graspfn.meshes.cleaning import mass_properties
+from graspfn.params import Gripper, Physics
+from graspfn.physics.gripper import Kinematics
+
+SOLE_FACES = 400  # up to 202 points
+POINT_M = 1e-4  # radius of a point: DART has none without one
+TINY = 1e-6  # share of the mass that DART wants of the sole, which is only a surface
+
+
+def table() -> dart.dynamics.Skeleton:
+    """The half-space z < 0."""
+    table = dart.dynamics.Skeleton("table")
+    _, body = table.createWeldJointAndBodyNodePair()
+    shape = body.createShapeNode(dart.dynamics.PlaneShape([0, 0, 1], 0.0))
+    shape.createCollisionAspect()
+    shape.createDynamicsAspect()
+    return table
+
+
+def collision_mesh(mesh: trimesh.Trimesh, faces: int) -> trimesh.Trimesh:
+    """The mesh with no more than `faces` faces: contacts, and with them the time of a step, grow with the faces."""
+    return mesh if len(mesh.faces) <= faces else mesh.simplify_quadric_decimation(face_count=faces)
+
+
+def free_object(mesh: trimesh.Trimesh, sole: np.ndarray, physics: Physics) -> dart.dynamics.Skeleton:
+    """A free body that meets the gripper with its mesh, and glued to it one that meets the table with points.
+
+    sole: (n, 3) vertices of the mesh's convex hull. A body meets a half-space where its convex hull does, so these
+    points are all that the table can touch; the mesh itself would give a hundred doubled contacts on a flat face, and
+    steps of milliseconds. DART reads meshes through URDF alone, so one is written for the loader.
+    """
+    mass, inertia = mass_properties(mesh, physics.density_kgm3)
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia.tolist()
+    urdf = f"""<robot name="object"><link name="object">
+        <inertial><mass value="{mass}"/>
+        <inertia ixx="{xx}" ixy="{xy}" ixz="{xz}" iyy="{yy}" iyz="{yz}" izz="{zz}"/></inertial>
+        <collision><geometry><mesh filename="object.obj"/></geometry></collision>
+    </link></robot>"""
+    with tempfile.TemporaryDirectory(prefix="graspfn-") as folder:
+        mesh.export(Path(folder) / "object.obj")
+        path = Path(folder) / "object.urdf"
+        path.write_text(urdf)
+        skeleton = dart.utils.DartLoader().parseSkeleton(str(path))
+    if skeleton is None:
+        raise ValueError("DART could not load the mesh")
+    _, glued = skeleton.createWeldJointAndBodyNodePair(skeleton.getBodyNode(0))
+    inertia = dart.dynamics.Inertia()
+    inertia.setMass(mass * TINY)
+    inertia.setMoment(np.diag([xx, yy, zz]) * TINY)
+    glued.setInertia(inertia)
+    ball = dart.dynamics.SphereShape(POINT_M)
+    for vertex in sole:
+        shape = glued.createShapeNode(ball)
+        shape.createCollisionAspect()
+        shape.createDynamicsAspect()
+        shape.setRelativeTranslation(vertex * (1 - POINT_M / np.linalg.norm(vertex)))
+    return skeleton
+
+
+def hand(k: Kinematics, gripper: Gripper) -> dart.dynamics.Skeleton:
+    """Palm on a kinematic vertical slide, fingers on torque-driven revolute joints."""
+    hand = dart.dynamics.Skeleton("hand")
+    slide, palm = hand.createPrismaticJointAndBodyNodePair()
+    slide.setAxis([0, 0, 1])
+    slide.setActuatorType(dart.dynamics.ActuatorType.VELOCITY)
+    (T_palm, palm_size), *fingers = k.parts((0.0, 0.0))
+    _add_box(palm, palm_size, T_palm[:3, 3], mass=1.0)
+    for side, (_, size) in zip((-1, 1), fingers, strict=True):
+        joint, finger = hand.createRevoluteJointAndBodyNodePair(palm)
+        joint.setAxis([0, side, 0])
+        joint.setTransformFromParentBodyNode(_isometry([side * k.knuckle_x, 0, k.knuckle_z]))
+        joint.setActuatorType(dart.dynamics.ActuatorType.FORCE)
+        # Two fingers under equal torques are in balance wherever they stand: without the friction of their drives the
+        # pair drifts sideways with the object.
+        joint.setCoulombFriction(0, gripper.gear_friction_nm)
+        joint.setPositionLowerLimit(0, k.open_angle - 1e-3)
+        joint.setPositionUpperLimit(0, k.closed_angle)
+        joint.setLimitEnforcement(True)
+        _add_box(finger, size, [0, 0, -k.length / 2], mass=1.0, about_y=gripper.finger_inertia_kgm2)
+        finger.setGravityMode(False)
+    return hand
+
+
+def sweep(k: Kinematics) -> dart.dynamics.Skeleton:
+    """Boxes around everything that the fingers pass through while they close; no part of the world."""
+    sweep = dart.dynamics.Skeleton("sweep")
+    _, body = sweep.createWeldJointAndBodyNodePair()
+    for T, size in k.sweep():
+        _add_box(body, size, T[:3, 3], mass=1.0)
+    return sweep
+
+
+def _add_box(
+    body: dart.dynamics.BodyNode,
+    size: np.ndarray,
+    centre: np.ndarray | list[float],
+    mass: float,
+    about_y: float | None = None,
+) -> None:
+    """A solid box with its inertia on a body; centre in the body's frame, `about_y` the moment about its y axis."""
+    box = dart.dynamics.BoxShape(size)
+    shape = body.createShapeNode(box)
+    shape.createCollisionAspect()
+    shape.createDynamicsAspect()
+    shape.setRelativeTranslation(centre)
+    inertia = dart.dynamics.Inertia()
+    inertia.setMass(mass)
+    moment = box.computeInertia(mass)
+    if about_y is None:
+        inertia.setLocalCOM(centre)
+    else:  # a body that only turns about y: its centre of mass may sit on the axis, so that about_y is all it has
+        moment[1, 1] = about_y
+    inertia.setMoment(moment)
+    body.setInertia(inertia)
+
+
+def _isometry(translation: list[float]) -> dart.math.Isometry3:
+    T = dart.math.Isometry3()
+    T.set_translation(translation)
+    return T
+
+
+def set_friction(skeleton: dart.dynamics.Skeleton, friction: float) -> None:
+    for body in skeleton.getBodyNodes():
+        for shape in body.getShapeNodes():
+            shape.getDynamicsAspect().setFrictionCoeff(friction)
+            shape.getDynamicsAspect().setRestitutionCoeff(0.0)

@@ -1,0 +1,110 @@
+"""A parallel gripper: a hand moved kinematically, two fingers on revolute joints under constant torque (paper III-A).
+
+Hand frame: x closes the jaws, z points up, the origin lies on the table below the hand's axis (the frame of
+`geometry.transforms.T_world_grasp`). A finger angle is 0 when the finger hangs straight down and grows as it closes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from graspfn.params import Gripper
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """Angles and heights that follow from the gripper's dimensions; metres and radians."""
+
+    knuckle_x: float  # of each joint from the hand's axis
+    length: float
+    width: float
+    thickness: float
+    open_angle: float  # fingertips `opening` apart
+    closed_angle: float  # fingertips meet
+    knuckle_z: float  # joints above the table when the fingertips' lowest point is `clearance` above it
+    palm_size: np.ndarray  # (3,)
+
+    @classmethod
+    def from_params(cls, gripper: Gripper) -> Kinematics:
+        """Solve the hand's height so that the lowest point of the whole closing is `clearance_mm` above the table."""
+        x, length, thickness = (
+            gripper.knuckle_mm / 2e3,
+            gripper.finger_length_mm / 1e3,
+            gripper.finger_thickness_mm / 1e3,
+        )
+        open_angle = _angle_of_tip(x, length, thickness, gripper.opening_mm / 2e3)
+        closed_angle = _angle_of_tip(x, length, thickness, 0.0)
+        sweep = np.linspace(open_angle, closed_angle, 2001)
+        deepest = np.max(length * np.cos(sweep) + thickness / 2 * np.abs(np.sin(sweep)))
+        palm = np.array(
+            [gripper.knuckle_mm + 2 * gripper.finger_thickness_mm, gripper.palm_width_mm, gripper.palm_height_mm]
+        )
+        return cls(
+            knuckle_x=x,
+            length=length,
+            width=gripper.finger_width_mm / 1e3,
+            thickness=thickness,
+            open_angle=open_angle,
+            closed_angle=closed_angle,
+            knuckle_z=float(deepest) + gripper.clearance_mm / 1e3,
+            palm_size=palm / 1e3,
+        )
+
+    def reach(self) -> float:
+        """Farthest point of the open fingers from the hand's axis along the closing direction, metres."""
+        a = self.open_angle
+        return float(self.knuckle_x - self.length * np.sin(a) + self.thickness / 2 * np.cos(a))
+
+    def sweep(self, slabs: int = 8) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Boxes that together hold everything the fingers pass through, as (T_hand_box (4, 4), size (3,)).
+
+        One box per slab of height; each is as wide as the finger's outline gets in it at any angle of the closing.
+        """
+        t = np.linspace(0, 1, 201)[:, None]
+        x0, x1, z0, z1 = -self.thickness / 2, self.thickness / 2, -self.length, 0.0
+        corners = np.array([[x0, z0], [x1, z0], [x1, z1], [x0, z1], [x0, z0]])
+        outline = np.concatenate([a + t * (b - a) for a, b in pairwise(corners)])
+        angles = np.linspace(self.open_angle, self.closed_angle, 401)
+        c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
+        x = np.abs(self.knuckle_x + c * outline[:, 0] + s * outline[:, 1]).ravel()
+        z = (self.knuckle_z - s * outline[:, 0] + c * outline[:, 1]).ravel()
+        step = (z.max() - z.min()) / slabs
+        slab = np.minimum(((z - z.min()) / step).astype(int), slabs - 1)
+        margin = 1e-3  # more than the outline moves between two of its samples
+        boxes = []
+        for k in range(slabs):
+            T = np.eye(4)
+            T[2, 3] = z.min() + (k + 0.5) * step
+            half_x = x[slab == k].max() + margin
+            boxes.append((T, np.array([2 * half_x, self.width + 2 * margin, step + 2 * margin])))
+        return boxes
+
+    def parts(self, angles: tuple[float, float]) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Boxes of palm, left and right finger as (T_hand_box (4, 4), size (3,)) at the finger angles (left, right)."""
+        palm = np.eye(4)
+        palm[2, 3] = self.knuckle_z + self.palm_size[2] / 2
+        boxes = [(palm, self.palm_size)]
+        for side, angle in zip((-1, 1), angles, strict=True):
+            c, s = np.cos(side * angle), np.sin(side * angle)
+            T = np.eye(4)
+            T[:3, :3] = [[c, 0, s], [0, 1, 0], [-s, 0, c]]
+            T[:3, 3] = [side * self.knuckle_x, 0, self.knuckle_z] + T[:3, :3] @ [0, 0, -self.length / 2]
+            boxes.append((T, np.array([self.thickness, self.width, self.length])))
+        return boxes
+
+
+def _angle_of_tip(knuckle_x: float, length: float, thickness: float, tip_x: float) -> float:
+    """Finger angle at which the inner edge of the fingertip is `tip_x` from the hand's axis.
+
+    Solves knuckle_x - thickness/2 cos(a) - length sin(a) = tip_x.
+    """
+    amplitude = np.hypot(length, thickness / 2)
+    ratio = (knuckle_x - tip_x) / amplitude
+    if abs(ratio) > 1:
+        raise ValueError(
+            "gripper: the fingers are too short for opening_mm and knuckle_mm; take a larger finger_length_mm"
+        )
+    return float(np.arcsin(ratio) - np.arctan2(thickness / 2, length))

@@ -1,0 +1,54 @@
+"""Grasp attempts at every pose of Q of one object (paper III-C)."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+
+from graspfn.geometry import grid
+from graspfn.geometry.transforms import apply
+from graspfn.params import Attempt, Gripper, Physics
+from graspfn.physics.attempt import Grasper, Outcome
+from graspfn.physics.culling import touches_nothing
+from graspfn.physics.world import GraspWorld
+
+CULLED = "culled"
+
+
+@dataclass(frozen=True)
+class Labels:
+    """The grasp function of one object, counted.
+
+    successes: (33, 44, 6) uint8, attempts that held at each pose.
+    account: how each of the 8712 x attempts ended, by name; `culled` ones provably touch nothing.
+    """
+
+    successes: np.ndarray
+    account: dict[str, int]
+
+
+def label_object(
+    mesh: trimesh.Trimesh,
+    T_world_object: np.ndarray,
+    attempts: int,
+    physics: Physics,
+    gripper: Gripper,
+    attempt: Attempt,
+    rng: np.random.Generator,
+) -> Labels:
+    """Attempt `attempts` grasps in the cell of every pose of Q; mesh in metres, resting at T_world_object (4, 4)."""
+    world = GraspWorld(mesh, physics, gripper)
+    grasper = Grasper(world, T_world_object, attempt)
+    q = grid.sample_cells(attempts, rng).reshape(-1, 3)
+    culled = touches_nothing(apply(T_world_object, mesh.vertices)[:, :2], q, world.kinematics)
+    held = np.zeros(len(q), dtype=bool)
+    account = Counter({CULLED: int(culled.sum())} | {outcome.value: 0 for outcome in Outcome})
+    for i in np.flatnonzero(~culled):
+        outcome = grasper.run(q[i])
+        held[i] = outcome is Outcome.HELD
+        account[outcome.value] += 1
+    successes = held.reshape(*grid.SHAPE, attempts).sum(axis=-1).astype(np.uint8)
+    return Labels(successes, dict(account))

@@ -1,0 +1,147 @@
+"""The DART world of a grasp: a table, one object, and the gripper (paper III-A)."""
+
+from __future__ import annotations
+
+import dartpy as dart
+import numpy as np
+import trimesh
+
+from graspfn.geometry.transforms import T_world_grasp, apply
+from graspfn.params import Gripper, Physics
+from graspfn.physics import bodies
+from graspfn.physics.gripper import Kinematics
+
+DETECTORS = {
+    "ode": dart.collision.OdeCollisionDetector,
+    "fcl": dart.collision.FCLCollisionDetector,
+    "bullet": dart.collision.BulletCollisionDetector,
+    "dart": dart.collision.DARTCollisionDetector,
+}
+RUNAWAY = 100.0  # m/s and rad/s: faster than any grasp can throw an object
+
+
+class Diverged(RuntimeError):
+    """The state has run away: not finite, or faster than any grasp can throw an object."""
+
+
+class TableWorld:
+    """One object on a table. States are restored, never rebuilt.
+
+    mesh: metres, origin at the centre of mass; `self.mesh` is what collides, `self.points` the (n, 3) hull vertices
+    that stand on the table.
+    """
+
+    def __init__(self, mesh: trimesh.Trimesh, physics: Physics):
+        self.world = dart.simulation.World("grasp")
+        self.world.setTimeStep(physics.time_step_ms / 1e3)
+        self.world.setGravity([0, 0, -9.81])
+        # A resting object must feel the finger that touches it in the same step.
+        sleeping = self.world.getDeactivationOptions()
+        sleeping.mEnabled = False
+        self.world.setDeactivationOptions(sleeping)
+        solver = self.world.getConstraintSolver()
+        solver.setCollisionDetector(DETECTORS[physics.detector]())
+        # dartpy hands out a copy of the options, but the filter in it is the solver's own.
+        self._filter = solver.getCollisionOption().collisionFilter
+        self.friction = physics.friction
+        self.mesh = bodies.collision_mesh(mesh, physics.faces)
+        self.points = np.asarray(bodies.collision_mesh(self.mesh.convex_hull, bodies.SOLE_FACES).vertices)
+        self.object = bodies.free_object(self.mesh, self.points, physics)
+        self.table = bodies.table()
+        self._body, self._sole = self.object.getBodyNodes()
+        for skeleton in (self.table, self.object):
+            self._add(skeleton)
+        # The mesh meets the gripper alone, the sole the table alone.
+        self._filter.addBodyNodePairToBlackList(self._body, self.table.getBodyNode(0))
+
+    def _add(self, skeleton: dart.dynamics.Skeleton) -> None:
+        bodies.set_friction(skeleton, self.friction)
+        self.world.addSkeleton(skeleton)
+
+    @property
+    def time_step(self) -> float:
+        """Seconds."""
+        return float(self.world.getTimeStep())
+
+    def place_object(self, T_world_object: np.ndarray) -> None:
+        """Put the object at rest at T_world_object (4, 4)."""
+        self.object.setPositions(dart.dynamics.FreeJoint.convertToPositions(T_world_object))
+        self.object.setVelocities(np.zeros(6))
+
+    def object_pose(self) -> np.ndarray:
+        """T_world_object: (4, 4)."""
+        return np.asarray(self._body.getWorldTransform().matrix())
+
+    def object_velocity(self) -> tuple[np.ndarray, np.ndarray]:
+        """Linear (3,) m/s of the centre of mass and angular (3,) rad/s velocity, world axes."""
+        return self._body.getLinearVelocity(), self._body.getAngularVelocity()
+
+    def lowest_point(self) -> float:
+        """Height of the object's lowest point, metres."""
+        T = self.object_pose()
+        return float((self.points @ T[2, :3]).min() + T[2, 3])
+
+    def step(self) -> None:
+        """One time step. Raises Diverged instead of stepping a state that has run away."""
+        velocity = self.object.getVelocities()
+        # ODE aborts the whole process on such a state, so it never gets to see one. NaN fails the test too.
+        if not velocity @ velocity < RUNAWAY**2:
+            raise Diverged(f"object faster than {RUNAWAY:g} m/s or rad/s")
+        self.world.step()
+
+
+class GraspWorld(TableWorld):
+    """One object on a table under a gripper."""
+
+    def __init__(self, mesh: trimesh.Trimesh, physics: Physics, gripper: Gripper):
+        super().__init__(mesh, physics)
+        self.kinematics = Kinematics.from_params(gripper)
+        self.torque = gripper.torque_nm
+        self.drag = (gripper.torque_nm - gripper.gear_friction_nm) / gripper.closing_speed_rads
+        self.hand = bodies.hand(self.kinematics, gripper)
+        self.sweep = bodies.sweep(self.kinematics)
+        self._add(self.hand)
+        for body in self.hand.getBodyNodes():
+            self._filter.addBodyNodePairToBlackList(self._sole, body)
+            self._filter.addBodyNodePairToBlackList(self.table.getBodyNode(0), body)
+        self._hand_group, self._object_group, self._sweep_group = (
+            self._group(group) for group in (self.hand.getBodyNodes(), [self._body], self.sweep.getBodyNodes())
+        )
+
+    def _group(self, group_bodies: list[dart.dynamics.BodyNode]) -> dart.collision.CollisionGroup:
+        group = self.world.getConstraintSolver().getCollisionDetector().createCollisionGroup()
+        for body in group_bodies:
+            group.addShapeFramesOf(body)
+        return group
+
+    def place_hand(self, q: np.ndarray) -> None:
+        """Put the hand, fingers open and at rest, at pose q = (u, v, theta)."""
+        isometry = dart.math.Isometry3(T_world_grasp(q))
+        for skeleton in (self.hand, self.sweep):
+            skeleton.getJoint(0).setTransformFromParentBodyNode(isometry)
+        self.hand.setPositions([0.0, self.kinematics.open_angle, self.kinematics.open_angle])
+        self.hand.setVelocities(np.zeros(3))
+
+    def hand_touches_object(self) -> bool:
+        """Whether palm or fingers meet the object's surface in the present state."""
+        return bool(self._hand_group.collide(self._object_group))
+
+    def sweep_meets_object(self) -> bool:
+        """Whether the boxes that hold the whole closing meet the object's surface in the present state."""
+        return bool(self._sweep_group.collide(self._object_group))
+
+    def hand_inside_object(self) -> bool:
+        """Whether palm or a finger lies wholly inside a closed object, where no surfaces meet."""
+        if not self.mesh.is_watertight:
+            return False
+        shapes = (body.getShapeNode(0) for body in self.hand.getBodyNodes())
+        centres = np.array([shape.getWorldTransform().translation() for shape in shapes])
+        return bool(self.mesh.contains(apply(np.linalg.inv(self.object_pose()), centres)).any())
+
+    def drive(self, rise: float) -> None:
+        """One time step with the torque on both fingers and the hand rising at `rise` (m/s)."""
+        # The drag that limits the closing speed is part of the command, not a joint damping: DART integrates damping
+        # implicitly but solves contacts without it, which would divide the grip force by 1 + drag * step / inertia.
+        _, left, right = self.hand.getVelocities()
+        self.hand.setCommands([rise, self.torque - self.drag * left, self.torque - self.drag * right])
+        self.step()

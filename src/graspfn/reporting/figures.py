@@ -1,0 +1,199 @@
+"""Every figure of the report, with its caption, from the report's inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+import trimesh
+from matplotlib.figure import Figure
+
+from graspfn.geometry import grid
+from graspfn.planning.methods import best_grasp, robust_best_grasp
+from graspfn.planning.smoothing import axis_weights
+from graspfn.reporting import figures_functions, figures_images, figures_results, figures_scenes
+from graspfn.reporting.inputs import PredictedExample, ReportInputs
+from graspfn.reporting.shading import View, render_scene
+from graspfn.reporting.tables import who_recorded
+from graspfn.workflow.seeds import generator
+
+SUMMARY_SIGMA_MM = 20.0
+PREDICTION_SIGMA = (15.0, 10.0)  # mm, degrees
+GROWING_SIGMAS = ((2.0, 5.0), (5.0, 10.0), (10.0, 20.0), (20.0, 40.0))
+PAPER_SIGMA_THETA_DEG = 10.0  # of the paper's graph
+OBJECT_COLOUR, PALM_COLOUR, FINGER_COLOUR = (0.90, 0.58, 0.24), (0.38, 0.42, 0.48), (0.27, 0.47, 0.68)
+
+
+@dataclass(frozen=True, eq=False)
+class Plate:
+    """A figure, the name of its files, and what is written under it."""
+
+    name: str
+    caption: str
+    figure: Figure
+
+
+def best_network(table1: pd.DataFrame) -> str:
+    """The network whose Robust Best Grasp succeeds most over all cells."""
+    robust = table1[table1["method"] == "Robust Best Grasp"]
+    return str(robust.groupby("network")["success"].mean().idxmax())
+
+
+def slice_for_summary(f: np.ndarray, sigma_mm: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """u [mm], f and f smoothed along u (n,) of the slice of f (33, 44, 6) at which smoothing gains the most.
+
+    The gain is the smoothed score of the robust pose over that of the best pose; a slice whose maximum is not unique
+    says less, so it only serves where there is no other.
+    """
+    n_u = grid.SHAPE[1]
+    at = np.linspace(0, n_u - 1, (n_u - 1) * 5 + 1)
+    fine = np.moveaxis(f, 1, -1).reshape(-1, n_u) @ axis_weights(at, n_u, 0.0).T
+    smooth = np.moveaxis(f, 1, -1).reshape(-1, n_u) @ axis_weights(at, n_u, sigma_mm / 1000 / grid.CELL_M).T
+    gain = smooth.max(axis=1) - np.take_along_axis(smooth, fine.argmax(axis=1)[:, None], axis=1)[:, 0]
+    unique = (fine >= fine.max(axis=1, keepdims=True) - 1e-9).sum(axis=1) == 1
+    row = int(np.argmax(gain + unique))
+    return (at - (n_u - 1) / 2) * grid.CELL_M * 1000, fine[row], smooth[row]
+
+
+def _robust(inputs: ReportInputs, example: PredictedExample, network: str, sigma: tuple[float, float]) -> np.ndarray:
+    """Ties are drawn as the evaluation draws them."""
+    rng = generator(inputs.params.seed, "plan", example.id, network)
+    return robust_best_grasp(
+        example.functions[network], sigma[0] / 1000, float(np.radians(sigma[1])), inputs.params.plan, rng
+    )
+
+
+def _functions(inputs: ReportInputs, network: str) -> Iterator[Plate]:
+    labelled, camera, opening = inputs.labelled, inputs.camera, inputs.params.gripper.opening_mm
+    u_mm, f, smoothed = slice_for_summary(labelled.f, SUMMARY_SIGMA_MM)
+    yield Plate(
+        "summary_1d",
+        f"The idea in one dimension: a slice along u of the labelled grasp function of {labelled.id}, and the same "
+        f"smoothed along u with σ = {SUMMARY_SIGMA_MM:g} mm. Best Grasp takes the maximum of the first, Robust Best "
+        "Grasp that of the second. Of all slices, the one on which they differ most.",
+        figures_functions.draw_summary_1d(u_mm, f, smoothed, SUMMARY_SIGMA_MM),
+    )
+    yield Plate(
+        "grasp_function",
+        f"The labelled grasp function of {labelled.id}. Every line is a gripper pose, along the direction in which the "
+        "jaws close; its thickness is the score, the share of attempts inside the pose's cell that held.",
+        figures_functions.draw_grasp_function(labelled.depth, labelled.f, camera),
+    )
+    yield Plate(
+        "training_example",
+        f"A training example ({labelled.id}): (a) noise-free depth image, (b) the same with noise, enlarged, (c) the "
+        "labelled grasp function at all of Q, (d) at every third pose along u and v.",
+        figures_functions.draw_training_example(labelled.depth, labelled.noisy, labelled.f, camera),
+    )
+    depths = [example.depth for example in inputs.predicted]
+    networks = list(inputs.predicted[0].functions)
+    functions = {name: [example.functions[name] for example in inputs.predicted] for name in networks}
+    poses = {
+        name: [
+            (
+                best_grasp(example.functions[name], generator(inputs.params.seed, "plan", example.id, name)),
+                _robust(inputs, example, name, PREDICTION_SIGMA),
+            )
+            for example in inputs.predicted
+        ]
+        for name in networks
+    }
+    names = ", ".join(example.id for example in inputs.predicted)
+    yield Plate(
+        "predictions",
+        "What each network predicts for test objects it has never seen, from a noisy depth image (shown without the "
+        "noise), with the pose of Best Grasp and that of Robust Best Grasp for "
+        f"σuv = {PREDICTION_SIGMA[0]:g} mm, σθ = {PREDICTION_SIGMA[1]:g}°. "
+        f"The first objects of different classes, not chosen by result: {names}.",
+        figures_functions.draw_predictions(depths, functions, poses, opening, camera),
+    )
+    growing = [[_robust(inputs, example, network, sigma) for sigma in GROWING_SIGMAS] for example in inputs.predicted]
+    yield Plate(
+        "growing_uncertainty",
+        f"Growing uncertainty: the pose of Robust Best Grasp (red) on the grasp function predicted by {network}, for "
+        "the objects of the previous figure.",
+        figures_functions.draw_growing_uncertainty(depths, growing, GROWING_SIGMAS, opening, camera),
+    )
+
+
+def _results(inputs: ReportInputs, table1: pd.DataFrame) -> Iterator[Plate]:
+    thetas = sorted(set(table1["sigma_theta_deg"]), key=lambda theta: abs(theta - PAPER_SIGMA_THETA_DEG))
+    yield Plate(
+        "success_vs_sigma_uv",
+        f"Table 1 at σθ = {thetas[0]:g}°: success rate against σuv, a panel for each network. Bands are 95% "
+        "intervals; dashed grey lines with the same markers are the paper's. Centroid uses no network.",
+        figures_results.draw_success_vs_sigma_uv(table1, thetas[0]),
+    )
+    yield Plate(
+        "training_curves",
+        "Loss of every gradient step (faint) and its mean over the last twentieth of the run.",
+        figures_results.draw_training_curves(inputs.pretraining, inputs.training),
+    )
+    yield Plate(
+        "label_outcomes",
+        "How the simulated attempts that label the training objects ended.",
+        figures_results.draw_label_outcomes(inputs.account),
+    )
+
+
+def _images(inputs: ReportInputs) -> Iterator[Plate]:
+    labelled, camera, params = inputs.labelled, inputs.camera, inputs.params
+    yield Plate(
+        "noise",
+        f"The noise model: σp = {params.noise.sigma_p_px:g} px, σd = {params.noise.sigma_d_mm:g} mm, on the depth "
+        f"image of {labelled.id}.",
+        figures_images.draw_noise(labelled.depth, labelled.noisy, camera),
+    )
+    simulated = bool(inputs.robot_trials["simulated"].any())
+    yield Plate(
+        "inpainting",
+        f"A recorded depth image before and after hole filling. {who_recorded(inputs.robot_trials)}",
+        figures_images.draw_inpainting(inputs.recorded.raw, inputs.recorded.filled, camera, simulated),
+    )
+    if inputs.recorded.grasps:
+        yield Plate(
+            "example_grasps",
+            "Successful trials, one per object: the commanded pose and the pose reached over the recorded depth image. "
+            + who_recorded(inputs.robot_trials),
+            figures_images.draw_example_grasps(inputs.recorded.grasps, params.gripper.opening_mm, camera, simulated),
+        )
+
+
+def _scenes(inputs: ReportInputs) -> Iterator[Plate]:
+    if inputs.film:
+        film, shots = inputs.film, []
+        toward = np.array([np.cos(film.q[2]), -np.sin(film.q[2])])  # the closing direction, in world x, y
+        across = np.array([toward[1], -toward[0]])
+        x, y = film.q[0] + 0.9 * across[0] + 0.45 * toward[0], -film.q[1] + 0.9 * across[1] + 0.45 * toward[1]
+        view = View((x, y, 0.62), (film.q[0], -film.q[1], 0.165), 0.34, 330, 500)
+        for shot in film.shots:
+            parts = [(film.mesh.copy().apply_transform(shot.T_world_object), OBJECT_COLOUR)]
+            for (T, size), colour in zip(shot.boxes, (PALM_COLOUR, FINGER_COLOUR, FINGER_COLOUR), strict=True):
+                parts.append((trimesh.creation.box(size, T), colour))
+            shots.append((shot.title, render_scene(parts, view)))
+        yield Plate(
+            "simulated_grasp",
+            f"A simulated grasp of {film.id}: the hand is kinematic, the fingers close under constant torque, the hand "
+            "rises at constant speed. Lines on the table are 5 cm apart.",
+            figures_scenes.draw_simulated_grasp(shots),
+        )
+    view = View((0.32, -0.52, 0.52), (0.0, 0.0, 0.03), 0.25, 190, 190)
+    views = []
+    for name, mesh, T in inputs.objects:
+        parts = [(mesh.copy().apply_transform(T), OBJECT_COLOUR)]
+        views.append((name, render_scene(parts, view)))
+    yield Plate(
+        "objects",
+        f"{len(views)} of the training objects as they came to rest, at one scale: lines on the table are 5 cm apart.",
+        figures_scenes.draw_objects(views),
+    )
+
+
+def draw_all(inputs: ReportInputs, table1: pd.DataFrame) -> Iterator[Plate]:
+    """Every figure, one at a time."""
+    yield from _functions(inputs, best_network(table1))
+    yield from _results(inputs, table1)
+    yield from _images(inputs)
+    yield from _scenes(inputs)

@@ -1,0 +1,98 @@
+"""Figures of depth images: noise, hole filling, executed grasps (paper, Figs. 4, 7, 10)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from graspfn.geometry.camera import Intrinsics
+from graspfn.reporting.figures_functions import add_pose
+from graspfn.reporting.style import (
+    BEST,
+    COLUMN_IN,
+    ROBUST,
+    WIDE_IN,
+    new_figure,
+    scale_bar,
+    show_depth,
+    styled,
+    window_round,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class ExecutedGrasp:
+    """A recorded trial: depth (480, 640) without holes, metres; commanded and reached poses (3,)."""
+
+    name: str
+    depth: np.ndarray
+    commanded: np.ndarray
+    reached: np.ndarray
+
+
+@styled
+def draw_noise(depth: np.ndarray, noisy: np.ndarray, camera: Intrinsics) -> Figure:
+    """A depth image (480, 640) without noise, with noise, and 4 cm at the object's edge enlarged in both."""
+    figure = new_figure(WIDE_IN, 1.85)
+    rows, columns = np.nonzero(camera.table_depth - depth > 0.003)
+    # About the object's uppermost pixel in the image, where there is an edge to see.
+    u, v = camera.pixel_to_table(np.array([columns[0], rows[0]])) * 1000 if len(rows) else (0.0, 0.0)
+    window = (float(u) - 20, float(u) + 20, float(v) - 12, float(v) + 28)
+    axes = figure.subplots(1, 4, width_ratios=[4 / 3, 4 / 3, 1, 1])
+    for place, image, shown, title in (
+        (0, depth, None, "noise-free"),
+        (1, noisy, None, "with noise"),
+        (2, depth, window, "noise-free, 4 cm"),
+        (3, noisy, window, "with noise, 4 cm"),
+    ):
+        show_depth(axes[place], image, camera, shown)
+        axes[place].set_title(title)
+    for place in (0, 1):
+        box = [window[i] for i in (0, 1, 1, 0, 0)], [window[i] for i in (2, 2, 3, 3, 2)]
+        axes[place].plot(*box, color=ROBUST, linewidth=0.8)
+    return figure
+
+
+@styled
+def draw_inpainting(raw: np.ndarray, filled: np.ndarray, camera: Intrinsics, simulated: bool) -> Figure:
+    """A recorded depth image (480, 640), metres, as it came (0 or NaN: no depth) and after hole filling."""
+    figure = new_figure(WIDE_IN * 0.85, 2.55)
+    robot = "simulated robot" if simulated else "robot"
+    holes = 100 * float(np.mean(~np.isfinite(raw) | (raw <= 0)))
+    titles = (f"recorded by a {robot} ({holes:.1f}% without depth, in blue)", "holes filled")
+    for axes, image, title in zip(figure.subplots(1, 2), (raw, filled), titles, strict=True):
+        show_depth(axes, image, camera)
+        scale_bar(axes)
+        axes.set_title(title, fontsize=8)
+    return figure
+
+
+@styled
+def draw_example_grasps(
+    grasps: Sequence[ExecutedGrasp], opening_mm: float, camera: Intrinsics, simulated: bool
+) -> Figure:
+    """Successful trials of a robot: the commanded pose and the one it reached over the depth image planned on."""
+    columns = min(4, len(grasps))
+    rows = -(-len(grasps) // columns)
+    figure = new_figure(max(1.75 * columns, COLUMN_IN), 1.9 * rows + 0.6)
+    places = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes, grasp in zip(places, grasps, strict=False):
+        u, v = grasp.commanded[:2] * 1000
+        show_depth(axes, grasp.depth, camera, (u - 100, u + 100, v - 100, v + 100))
+        add_pose(axes, grasp.reached, opening_mm, BEST, 1.2, linestyle=(0, (4, 1.5)))
+        add_pose(axes, grasp.commanded, opening_mm, ROBUST, 1.6)
+        axes.set_title(grasp.name, fontsize=8)
+    scale_bar(places[0])
+    for axes in places[len(grasps) :]:
+        axes.set_visible(False)
+    handles = [
+        Line2D([], [], color=ROBUST, label="commanded"),
+        Line2D([], [], color=BEST, linestyle=(0, (4, 1.5)), label="reached"),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=2)
+    figure.suptitle("Successful trials of the simulated robot" if simulated else "Successful trials of the robot")
+    return figure

@@ -1,0 +1,183 @@
+"""What a report is made of, and reading it from the files that the stages wrote."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import trimesh
+
+from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.holes import fill_holes
+from graspfn.imaging.noise import observe
+from graspfn.meshes.store import load_object, read_manifest
+from graspfn.physics.placed import T_world_object, read_resting
+from graspfn.reporting.figures_images import ExecutedGrasp
+from graspfn.reporting.film import Film, film_grasp
+from graspfn.reporting.parameters import Parameter, flat_parameters
+from graspfn.robot.read import read_trial
+from graspfn.workflow.files import read_npz
+
+SPLITS = ("train", "test")
+SHOWN_TEST, SHOWN_GRASPS, SHOWN_OBJECTS = 4, 8, 24
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledExample:
+    """A training object: depth and noisy (480, 640), metres; f (33, 44, 6) in [0, 1]."""
+
+    id: str
+    depth: np.ndarray
+    noisy: np.ndarray
+    f: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedExample:
+    """A test object: noise-free depth (480, 640), metres; each network's function (33, 44, 6) in [0, 1]."""
+
+    id: str
+    depth: np.ndarray
+    functions: dict[str, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """From the recordings: one depth image as it came and filled (480, 640), and some successful grasps."""
+
+    raw: np.ndarray
+    filled: np.ndarray
+    grasps: tuple[ExecutedGrasp, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ReportInputs:
+    """Everything a report shows. Tables have the columns of the stage that wrote them.
+
+    manifests and placed: by split. rejects (split, name, reason): meshes turned down, None where it was not recorded.
+    objects: (id, mesh, T_world_object) of some settled objects. stage_seconds: how long each stage took, NaN unknown.
+    params: the sections of params.yaml, but for compute.
+    """
+
+    params: Any
+    parameters: tuple[Parameter, ...]
+    camera: Intrinsics
+    manifests: Mapping[str, pd.DataFrame]
+    placed: Mapping[str, pd.DataFrame]
+    rejects: pd.DataFrame | None
+    account: pd.DataFrame
+    pretraining: Mapping[str, pd.DataFrame]
+    training: Mapping[str, pd.DataFrame]
+    trials: pd.DataFrame
+    robot_trials: pd.DataFrame
+    robot_uncertainty: pd.DataFrame
+    labelled: LabelledExample
+    predicted: tuple[PredictedExample, ...]
+    film: Film | None
+    recorded: Recorded
+    objects: tuple[tuple[str, trimesh.Trimesh, np.ndarray], ...]
+    stage_seconds: Mapping[str, float]
+
+
+def spread(classes: pd.Series, count: int) -> list[int]:
+    """Positions of `count` objects: the first of every class, then the second, ...; in turn over the sorted classes."""
+    order = pd.DataFrame({"class": classes.to_numpy(), "position": np.arange(len(classes))})
+    order["turn"] = order.groupby("class").cumcount()
+    return order.sort_values(["turn", "class"])["position"].head(count).tolist()
+
+
+def example_label(successes: np.ndarray) -> int:
+    """Which object to show: the one at the third quartile of poses that ever held; successes: (N, 33, 44, 6)."""
+    graspable = (successes > 0).reshape(len(successes), -1).sum(axis=1)
+    return int(np.argsort(graspable, kind="stable")[(3 * (len(successes) - 1) + 2) // 4])
+
+
+def _labelled(data: Path, labels: Mapping[str, np.ndarray], params: Any) -> LabelledExample:
+    place = example_label(labels["successes"])
+    name = str(labels["ids"][place])
+    index = pd.read_parquet(data / "images/train.parquet").set_index("id")
+    depth = np.array(np.load(data / "images/train.npy", mmap_mode="r")[index.loc[name, "row"]])
+    f = labels["successes"][place] / float(labels["attempts"])
+    return LabelledExample(name, depth, observe(depth, params.noise, params.seed, name), f)
+
+
+def _predicted(data: Path, networks: tuple[str, ...]) -> tuple[PredictedExample, ...]:
+    index = pd.read_parquet(data / "images/test.parquet")
+    images = np.load(data / "images/test.npy", mmap_mode="r")
+    functions = {network: read_npz(data / f"functions/{network}.npz")["scores"] for network in networks}
+    rows = [index["row"].tolist()[position] for position in spread(index["class"], SHOWN_TEST)]
+    names = index.set_index("row")["id"]
+    return tuple(
+        PredictedExample(names[row], np.array(images[row]), {key: f[row] for key, f in functions.items()})
+        for row in rows
+    )
+
+
+def _film(data: Path, labels: Mapping[str, np.ndarray], first: str, params: Any) -> Film | None:
+    """The labelled example's object if a grasp of it holds, else the others, most successes first."""
+    total = labels["successes"].reshape(len(labels["ids"]), -1).sum(axis=1, dtype=int)
+    names = [str(labels["ids"][i]) for i in np.argsort(-total, kind="stable") if total[i]]
+    names.sort(key=lambda name: name != first)
+    placed = {row["id"]: T_world_object(row) for row in read_resting(data / "placed/train.parquet").to_dict("records")}
+    place = {str(name): i for i, name in enumerate(labels["ids"])}
+    for name in names:
+        mesh, successes = load_object(data / "objects/train", name), labels["successes"][place[name]]
+        film = film_grasp(name, mesh, placed[name], successes, params.physics, params.gripper, params.attempt)
+        if film:
+            return film
+    return None
+
+
+def _recorded(data: Path, trials: pd.DataFrame, params: Any) -> Recorded:
+    """Successes of the robust method first, from different objects, with the least uncertainty first."""
+    order = trials.assign(robust=trials["method"] != "Robust Best Grasp", failed=~trials["success"])
+    order = order.sort_values(["failed", "robust", "sigma_uv_mm", "object", "placement", "network"])
+    chosen = order[~order["failed"]].drop_duplicates("object").head(SHOWN_GRASPS)
+    raw = read_trial(data / "recordings" / order["file"].iloc[0], params.topics).depth
+    grasps = []
+    for line in chosen.to_dict("records"):
+        trial = read_trial(data / "recordings" / line["file"], params.topics)
+        grasps.append(ExecutedGrasp(line["object"], fill_holes(trial.depth), trial.commanded, trial.achieved))
+    return Recorded(raw, fill_holes(raw), tuple(grasps))
+
+
+def _objects(data: Path) -> tuple[tuple[str, trimesh.Trimesh, np.ndarray], ...]:
+    placed = read_resting(data / "placed/train.parquet")
+    rows = [placed.iloc[position] for position in spread(placed["class"], SHOWN_OBJECTS)]
+    return tuple((row["id"], load_object(data / "objects/train", row["id"]), T_world_object(row)) for row in rows)
+
+
+def _histories(folder: Path, networks: tuple[str, ...]) -> dict[str, pd.DataFrame]:
+    return {network: pd.read_csv(folder / network / "history.csv") for network in networks}
+
+
+def load_inputs(data: Path, params: Any, stage_seconds: Mapping[str, float]) -> ReportInputs:
+    """Read the files under `data`; of images only the few rows that figures show. Films one simulated grasp."""
+    labels = read_npz(data / "labels.npz")
+    labelled = _labelled(data, labels, params)
+    robot_trials = pd.read_parquet(data / "robot_trials.parquet")
+    rejects = data / "objects/rejects.parquet"
+    return ReportInputs(
+        params=params,
+        parameters=flat_parameters(params),
+        camera=Intrinsics.from_params(params.camera),
+        manifests={split: read_manifest(data / "objects" / split) for split in SPLITS},
+        placed={split: pd.read_parquet(data / "placed" / f"{split}.parquet") for split in SPLITS},
+        rejects=pd.read_parquet(rejects) if rejects.exists() else None,
+        account=pd.read_parquet(data / "label_account.parquet"),
+        pretraining=_histories(data / "pretrained", params.networks),
+        training=_histories(data / "networks", params.networks),
+        trials=pd.read_parquet(data / "trials.parquet"),
+        robot_trials=robot_trials,
+        robot_uncertainty=pd.read_parquet(data / "robot_uncertainty.parquet"),
+        labelled=labelled,
+        predicted=_predicted(data, params.networks),
+        film=_film(data, labels, labelled.id, params),
+        recorded=_recorded(data, robot_trials, params),
+        objects=_objects(data),
+        stage_seconds=stage_seconds,
+    )

@@ -1,0 +1,175 @@
+"""A table laid out as the paper prints it, and that layout as Markdown, LaTeX and HTML."""
+
+from __future__ import annotations
+
+import html
+import math
+from dataclasses import dataclass
+
+import pandas as pd
+
+from graspfn.reporting.tables import full_name
+
+BLANK = "–"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A success rate; the interval is empty for the paper's figures, everything is where nothing was tried."""
+
+    rate: str
+    interval: str = ""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One method: `ours` tells our rows from the paper's, `first` starts another method."""
+
+    name: str
+    cells: tuple[Cell, ...]
+    ours: bool
+    first: bool
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Rows under grouped columns; groups are (label, labels of its columns)."""
+
+    caption: str
+    groups: tuple[tuple[str, tuple[str, ...]], ...]
+    rows: tuple[Row, ...]
+
+    @property
+    def columns(self) -> list[str]:
+        return [column for _, columns in self.groups for column in columns]
+
+
+def number(value: float, digits: int = 3) -> str:
+    """A fixed number of digits, a dash for NaN."""
+    return BLANK if math.isnan(value) else f"{value:.{digits}f}"
+
+
+def _ours(line: pd.Series | None) -> Cell:
+    if line is None:
+        return Cell(BLANK)
+    return Cell(number(line["success"]), f"[{number(line['ci_low'], 2)}, {number(line['ci_high'], 2)}]")
+
+
+def _rows(table: pd.DataFrame, cells: list[tuple[float, float]]) -> tuple[Row, ...]:
+    """Rows of a table with the columns name, method, sigma_uv_mm, sigma_theta_deg; cells are (uv, theta)."""
+    rows = []
+    for method in dict.fromkeys(table["method"]):
+        of_method = table[table["method"] == method]
+        printed = {(line["sigma_uv_mm"], line["sigma_theta_deg"]): line["paper"] for _, line in of_method.iterrows()}
+        for name in dict.fromkeys(of_method["name"]):
+            found = {
+                (line["sigma_uv_mm"], line["sigma_theta_deg"]): line
+                for _, line in of_method[of_method["name"] == name].iterrows()
+            }
+            ours = tuple(_ours(found.get(cell)) for cell in cells)
+            rows.append(Row(name, ours, ours=True, first=name == of_method["name"].iloc[0]))
+        paper = tuple(Cell(number(printed.get(cell, math.nan))) for cell in cells)
+        rows.append(Row(f"{method} (paper)", paper, ours=False, first=False))
+    return tuple(rows)
+
+
+def layout1(table: pd.DataFrame, caption: str) -> Layout:
+    """Table 1: columns grouped by sigma_theta, then sigma_uv, as in the paper."""
+    named = table.assign(name=[full_name(m, n) for m, n in zip(table["method"], table["network"], strict=True)])
+    cells = sorted(set(zip(table["sigma_theta_deg"], table["sigma_uv_mm"], strict=True)))
+    groups = tuple(
+        (f"σθ = {theta:g}°", tuple(f"σuv = {uv:g} mm" for t, uv in cells if t == theta))
+        for theta in dict.fromkeys(t for t, _ in cells)
+    )
+    return Layout(caption, groups, _rows(named, [(uv, theta) for theta, uv in cells]))
+
+
+def layout2(table: pd.DataFrame, caption: str) -> Layout:
+    """Table 2: a column for every condition."""
+    named = table.assign(name=table["method"], method=[name.split(" (")[0] for name in table["method"]])
+    cells = sorted(set(zip(table["sigma_uv_mm"], table["sigma_theta_deg"], strict=True)))
+    columns = tuple(f"σuv = {uv:g} mm, σθ = {theta:g}°" for uv, theta in cells)
+    return Layout(caption, (("", columns),), _rows(named, cells))
+
+
+def _headings(layout: Layout) -> list[str]:
+    """One heading for every column, with that of its group before it."""
+    return [f"{group}, {column}" if group else column for group, columns in layout.groups for column in columns]
+
+
+def to_markdown(layout: Layout) -> str:
+    """A Markdown table, its interval under every rate, the caption below."""
+    lines = ["| Method | " + " | ".join(_headings(layout)) + " |", "|---" + "|---:" * len(layout.columns) + "|"]
+    for row in layout.rows:
+        cells = [f"{cell.rate}<br>{cell.interval}" if cell.interval else cell.rate for cell in row.cells]
+        cells = cells if row.ours else [f"*{cell}*" for cell in cells]
+        lines.append(f"| {row.name if row.ours else f'*{row.name}*'} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + f"\n\n{layout.caption}\n"
+
+
+_TEX = {"&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}"}
+_TEX |= {"~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "\\": r"\textbackslash{}"}
+_TEX_SYMBOLS = {"σuv": r"$\sigma_{uv}$", "σθ": r"$\sigma_\theta$", "°": r"$^\circ$", "–": "--", "“": "``", "”": "''"}
+
+
+def tex_escape(text: str) -> str:
+    """Text that LaTeX sets as it stands, with the symbols of these tables."""
+    escaped = "".join(_TEX.get(character, character) for character in text)
+    for symbol, command in _TEX_SYMBOLS.items():
+        escaped = escaped.replace(symbol, command)
+    return escaped
+
+
+def to_tex(layout: Layout, label: str) -> str:
+    """A table* for a document with booktabs and multirow: two lines for each of our rows, the interval below."""
+    count = len(layout.columns)
+    spec = "l" + "".join("@{\\quad}" + "c" * len(columns) for _, columns in layout.groups)
+    lines = [r"\begin{table*}", r"\centering", r"\scriptsize", r"\setlength{\tabcolsep}{2pt}"]
+    lines += [rf"\begin{{tabular}}{{{spec}}}", r"\toprule"]
+    if any(group for group, _ in layout.groups):
+        spans = [rf"\multicolumn{{{len(columns)}}}{{c}}{{{tex_escape(group)}}}" for group, columns in layout.groups]
+        lines.append(" & ".join(["", *spans]) + r" \\")
+    # The unit stands in the caption's symbols once; sixteen headings with it would not fit a page.
+    short = [c.removesuffix(" mm") if count > 4 else c for c in layout.columns]
+    short = [c.removeprefix("σuv = ") if count > 4 and i else c for i, c in enumerate(short)]
+    lines += [" & ".join(["Method", *map(tex_escape, short)]) + r" \\"]
+    for row in layout.rows:
+        if row.first:
+            lines.append(r"\midrule")
+        rates = [tex_escape(cell.rate) for cell in row.cells]
+        if row.ours:
+            lines.append(" & ".join([rf"\multirow{{2}}{{*}}{{{tex_escape(row.name)}}}", *rates]) + r" \\")
+            # \relax: a cell that starts with a bracket would be read as the argument of the line break before it.
+            lines.append(" & ".join(["", *(rf"\relax{{\tiny {cell.interval}}}" for cell in row.cells)]) + r" \\")
+        else:
+            italic = [rf"\textit{{{rate}}}" for rate in rates]
+            lines.append(" & ".join([rf"\textit{{{tex_escape(row.name)}}}", *italic]) + r" \\")
+    lines += [r"\bottomrule", r"\end{tabular}"]
+    lines += [rf"\caption{{{tex_escape(layout.caption)}}}", rf"\label{{{label}}}", r"\end{table*}"]
+    return "\n".join(lines) + "\n"
+
+
+def _symbols(text: str) -> str:
+    return html.escape(text).replace("σuv", "σ<sub>uv</sub>").replace("σθ", "σ<sub>θ</sub>")
+
+
+def to_html(layout: Layout) -> str:
+    """The table alone (no caption), intervals in smaller type."""
+    lines = ["<table class='results'><thead>"]
+    if any(group for group, _ in layout.groups):
+        spans = "".join(
+            f"<th class='group' colspan='{len(columns)}'>{_symbols(group)}</th>" for group, columns in layout.groups
+        )
+        lines.append(f"<tr><th></th>{spans}</tr>")
+    starts = {sum(len(columns) for _, columns in layout.groups[:i]) for i in range(len(layout.groups))}
+    edge = [" class='start'" if i in starts else "" for i in range(len(layout.columns))]
+    headings = "".join(f"<th{edge[i]}>{_symbols(name)}</th>" for i, name in enumerate(layout.columns))
+    lines.append(f"<tr><th class='name'>Method</th>{headings}</tr></thead><tbody>")
+    for row in layout.rows:
+        kind = " ".join(["ours" if row.ours else "paper", *(["first"] if row.first else [])])
+        cells = "".join(
+            f"<td{edge[i]}>{cell.rate}" + (f"<small>{cell.interval}</small>" if cell.interval else "") + "</td>"
+            for i, cell in enumerate(row.cells)
+        )
+        lines.append(f"<tr class='{kind}'><th class='name'>{html.escape(row.name)}</th>{cells}</tr>")
+    return "\n".join([*lines, "</tbody></table>"])

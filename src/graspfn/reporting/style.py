@@ -1,0 +1,138 @@
+"""One look for every figure: for print, greyscale and colour-blind eyes, and the same bytes every time."""
+
+from __future__ import annotations
+
+import functools
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ParamSpec
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from graspfn.geometry.camera import Intrinsics
+
+P = ParamSpec("P")
+
+WIDE_IN = 7.16  # both columns of an IEEE page
+COLUMN_IN = 3.5
+DPI = 150
+RC: Any = {
+    "font.family": "DejaVu Sans",
+    "font.size": 8.5,
+    "axes.titlesize": 9,
+    "axes.labelsize": 8.5,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "legend.fontsize": 8,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": False,
+    "grid.color": "0.88",
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.4,
+    "lines.markersize": 5,
+    "legend.frameon": False,
+    "figure.dpi": DPI,
+    "savefig.dpi": DPI,
+    "pdf.fonttype": 42,
+}
+# Okabe and Ito's palette: apart in hue for every kind of colour vision, and in lightness in greyscale.
+COLOURS = {"Centroid": "#4D4D4D", "Best Grasp": "#56B4E9", "Robust Best Grasp": "#D55E00"}
+MARKERS = {"Centroid": "^", "Best Grasp": "s", "Robust Best Grasp": "o"}
+LINES: dict[str, Any] = {"Centroid": (0, (1, 1.2)), "Best Grasp": (0, (5, 2)), "Robust Best Grasp": "solid"}
+SCORE = "#B2182B"  # lines of a grasp function
+ROBUST = "#D7191C"
+BEST = "#0072B2"
+PAPER = "0.6"
+NEAR_GREY_M = 0.12  # heights above this are as dark as it gets
+
+
+def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
+    """A drawing function under the project's settings, whatever those of the caller are."""
+
+    @functools.wraps(draw)
+    def wrapped(*args: P.args, **kwargs: P.kwargs) -> Figure:
+        with matplotlib.rc_context(RC):
+            return draw(*args, **kwargs)
+
+    return wrapped
+
+
+def new_figure(width_in: float, height_in: float) -> Figure:
+    """A figure without pyplot: no global state, no display."""
+    return Figure(figsize=(width_in, height_in), layout="constrained")
+
+
+def png_bytes(figure: Figure) -> bytes:
+    stream = io.BytesIO()
+    with matplotlib.rc_context(RC):
+        figure.savefig(stream, format="png", dpi=DPI, metadata={"Software": None})
+    return stream.getvalue()
+
+
+def pdf_bytes(figure: Figure) -> bytes:
+    stream = io.BytesIO()
+    with matplotlib.rc_context(RC):
+        figure.savefig(stream, format="pdf", metadata={"CreationDate": None, "Creator": None, "Producer": None})
+    return stream.getvalue()
+
+
+def save_figure(figure: Figure, folder: Path, name: str) -> bytes:
+    """Write folder/name.png and .pdf; returns the PNG, so that the page shows the very same."""
+    folder.mkdir(parents=True, exist_ok=True)
+    png = png_bytes(figure)
+    (folder / f"{name}.png").write_bytes(png)
+    (folder / f"{name}.pdf").write_bytes(pdf_bytes(figure))
+    return png
+
+
+def bare(axes: Axes) -> None:
+    """No ticks, a thin frame: axes that hold a picture."""
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for spine in axes.spines.values():
+        spine.set_visible(True)
+        spine.set_color("0.6")
+
+
+def show_depth(axes: Axes, depth: np.ndarray, camera: Intrinsics, window_mm: tuple[float, ...] | None = None) -> None:
+    """A depth image (480, 640) [m] as heights, dark where high, holes blue; axes in mm on the table, v down.
+
+    window_mm: (u low, u high, v low, v high) to show.
+    """
+    height = camera.table_depth - depth
+    grey = np.clip(0.96 - 0.62 * height / NEAR_GREY_M, 0.34, 1.0)
+    rgb = np.repeat(grey[..., None], 3, axis=-1)
+    rgb[~np.isfinite(depth) | (depth <= 0)] = (0.10, 0.20, 0.50)
+    edges = np.array([[-0.5, -0.5], [camera.width - 0.5, camera.height - 0.5]])
+    (u0, v0), (u1, v1) = camera.pixel_to_table(edges) * 1000
+    axes.imshow(rgb, extent=(u0, u1, v1, v0), interpolation="nearest", aspect="equal")
+    low_u, high_u, low_v, high_v = window_mm or (u0, u1, v0, v1)
+    axes.set_xlim(low_u, high_u)
+    axes.set_ylim(high_v, low_v)
+    bare(axes)
+
+
+def scale_bar(axes: Axes, length_mm: float = 50.0) -> None:
+    """A bar of `length_mm` in the lower right corner of axes in mm."""
+    (low_u, high_u), (high_v, _) = axes.get_xlim(), axes.get_ylim()
+    margin = 0.04 * (high_u - low_u)
+    v = high_v - margin
+    axes.plot([high_u - margin - length_mm, high_u - margin], [v, v], color="black", linewidth=2, solid_capstyle="butt")
+    axes.text(high_u - margin - length_mm / 2, v - 0.4 * margin, f"{length_mm / 10:g} cm", ha="center", va="bottom")
+
+
+def window_round(depth: np.ndarray, camera: Intrinsics, margin_mm: float = 35.0) -> tuple[float, float, float, float]:
+    """A square (u low, u high, v low, v high) [mm] round what stands out of the table in a noise-free depth image."""
+    rows, columns = np.nonzero(camera.table_depth - depth > 0.003)
+    if not len(rows):
+        return -80.0, 80.0, -80.0, 80.0
+    corners = np.array([[columns.min(), rows.min()], [columns.max(), rows.max()]])
+    low, high = camera.pixel_to_table(corners) * 1000
+    middle, half = (low + high) / 2, max((high - low).max() / 2 + margin_mm, 60.0)
+    return middle[0] - half, middle[0] + half, middle[1] - half, middle[1] + half

@@ -1,0 +1,70 @@
+"""ROS 2 messages to arrays: depth images, poses, joint states."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from graspfn.robot.trial import FRAME, RecordingError
+
+PIXELS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}  # mono16: how some drivers name 16UC1
+
+
+def depth(image: Any) -> np.ndarray:
+    """(height, width) float32, metres, NaN where nothing was measured, of a sensor_msgs/Image."""
+    if image.encoding not in PIXELS:
+        raise RecordingError(f"depth encoding {image.encoding!r}; it takes 16UC1 (mm) or 32FC1 (m)")
+    dtype = np.dtype((">" if image.is_bigendian else "<") + PIXELS[image.encoding])
+    height, width, step = image.height, image.width, image.step
+    if step < width * dtype.itemsize or len(image.data) < height * step:
+        raise RecordingError(
+            f"depth image of {height} rows of {width} {image.encoding} pixels in {step} bytes each "
+            f"does not fit its {len(image.data)} bytes"
+        )
+    rows = np.frombuffer(image.data, np.uint8, height * step).reshape(height, step)
+    # Rows may be padded, so the pixels are copied together before their bytes are taken as numbers.
+    raw = np.ascontiguousarray(rows[:, : width * dtype.itemsize]).view(dtype)
+    metres = raw.astype(np.float32)
+    if dtype.kind == "u":
+        metres /= 1000
+    # Both conventions of invalid: 0 and NaN; some drivers write infinity beyond their range.
+    return np.where(np.isfinite(metres) & (metres > 0), metres, np.float32(np.nan))
+
+
+def pose(stamped: Any) -> np.ndarray:
+    """(3,) (u [m], v [m], theta [rad]) of a geometry_msgs/PoseStamped in the frame `table`."""
+    frame = stamped.header.frame_id.lstrip("/")
+    if frame != FRAME:
+        raise RecordingError(
+            f"pose in frame {frame!r}; it takes {FRAME!r}: origin on the table at the image centre, "
+            "x along image +x, y along image -y, z up"
+        )
+    position, orientation = stamped.pose.position, stamped.pose.orientation
+    x, y, z, w = np.array([orientation.x, orientation.y, orientation.z, orientation.w])
+    norm = x * x + y * y + z * z + w * w
+    if not (np.isfinite(norm) and norm > 0.5):
+        raise RecordingError("pose whose orientation is not a unit quaternion")
+    # The rotated x axis, along which the jaws close; world y is the image's -v.
+    closing_u = (w * w + x * x - y * y - z * z) / norm
+    closing_v = -2 * (x * y + w * z) / norm
+    if np.hypot(closing_u, closing_v) < 0.5:
+        raise RecordingError("pose whose x axis is more than 60 degrees off the table; the jaws close along it")
+    result = np.array([position.x, -position.y, np.arctan2(closing_v, closing_u) % np.pi])
+    if not np.all(np.isfinite(result)):
+        raise RecordingError("pose whose position is not finite")
+    return result
+
+
+def joints(stamped: list[tuple[int, Any]], start_ns: int) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    """Names, times (T,) [s] since start_ns and positions (T, names) of (time [ns], sensor_msgs/JointState) messages.
+
+    Messages may name different joints, in any order: a joint that one lacks is NaN there.
+    """
+    names = tuple(dict.fromkeys(name for _, message in stamped for name in message.name))
+    positions = np.full((len(stamped), len(names)), np.nan)
+    for row, (_, message) in enumerate(stamped):
+        for name, value in zip(message.name, message.position, strict=False):
+            positions[row, names.index(name)] = value
+    time_s = np.array([time - start_ns for time, _ in stamped], dtype=np.float64) * 1e-9
+    return names, time_s, positions

@@ -1,0 +1,82 @@
+"""Maps over objects with Dask: processes of this machine, or any running scheduler."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import dask
+from distributed import Client, KilledWorker, LocalCluster, as_completed
+from tqdm import tqdm
+
+from graspfn.params import Compute
+
+ATTEMPTS_PER_TASK = 3  # DART can take its process down; a task that kills three workers is recorded as failed
+
+
+@contextmanager
+def cluster(compute: Compute) -> Iterator[Client]:
+    """A client of the scheduler at `compute.address`, or of one-thread worker processes here.
+
+    dartpy holds the interpreter lock while it steps, so workers are processes of one thread each.
+    """
+    with dask.config.set(
+        {
+            "distributed.scheduler.allowed-failures": ATTEMPTS_PER_TASK - 1,
+            "distributed.worker.daemon": True,
+            "distributed.logging.distributed": "error",
+            "distributed.comm.timeouts.connect": "60s",
+            "distributed.scheduler.work-stealing": True,
+        }
+    ):
+        if compute.address:
+            with Client(compute.address) as client:
+                yield client
+            return
+        workers = compute.workers or os.cpu_count() or 1
+        with (
+            LocalCluster(
+                n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+            ) as local,
+            Client(local) as client,
+        ):
+            yield client
+
+
+def map_objects(
+    function: Callable[..., Any], tasks: Iterable[tuple[str, tuple[Any, ...]]], total: int, compute: Compute, label: str
+) -> Iterator[tuple[str, Any | Exception]]:
+    """`function(*arguments)` of every (name, arguments) as each is done, in any order: (name, result or exception).
+
+    Results may not depend on the worker or the order. A task that kills its worker three times gives KilledWorker.
+    """
+    if total == 0:
+        return
+    with cluster(compute) as client, tqdm(total=total, desc=label, unit="object", smoothing=0.1) as bar:
+        # Three tasks in flight per worker: enough to keep it busy, few enough that a long list costs no memory.
+        waiting = iter(tasks)
+        names: dict[Any, str] = {}
+        pending = as_completed(with_results=False)
+
+        def submit() -> None:
+            for name, arguments in waiting:
+                future = client.submit(function, *arguments, pure=False, key=f"{label}-{name}")
+                names[future] = name
+                pending.add(future)
+                return
+
+        for _ in range(3 * max(1, len(client.nthreads()))):
+            submit()
+        for future in pending:
+            name = names.pop(future)
+            try:
+                result: Any = future.result()
+            except KilledWorker:
+                result = RuntimeError(f"{name}: killed its worker process {ATTEMPTS_PER_TASK} times")
+            except Exception as error:
+                result = error
+            submit()
+            bar.update()
+            yield name, result

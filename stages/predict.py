@@ -1,0 +1,39 @@
+"""Predict the grasp function of every noisy test image with one network (paper IV, V-A)."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.network_input import network_input
+from graspfn.imaging.noise import observe
+from graspfn.learning.device import pick_device
+from graspfn.learning.prediction import predict
+from graspfn.learning.weights import load_network
+from graspfn.params import Declared
+from graspfn.workflow.files import write_npz
+from graspfn.workflow.stage import stage
+
+IMAGES, NETWORKS, OUT = Path("data/images"), Path("data/networks"), Path("data/functions")
+
+
+@stage("predict")
+def main(params: Declared) -> None:
+    ids = pd.read_parquet(IMAGES / "test.parquet")["id"].tolist()
+    images = np.load(IMAGES / "test.npy", mmap_mode="r")
+    camera = Intrinsics.from_params(params.camera)
+    inputs = np.stack(
+        [
+            network_input(observe(image, params.noise, params.seed, name), camera)
+            for image, name in tqdm(zip(images, ids, strict=True), desc="observe", total=len(ids), unit="image")
+        ]
+    )
+    network = load_network(NETWORKS / params.network_name)
+    scores = predict(network, inputs, pick_device(params.compute.device))
+    write_npz(OUT / f"{params.network_name}.npz", {"ids": np.array(ids), "scores": scores})
+
+
+if __name__ == "__main__":
+    main()

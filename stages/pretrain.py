@@ -1,0 +1,35 @@
+"""Pre-train a network to tell the classes of the training objects apart (paper V)."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from graspfn.geometry.camera import Intrinsics
+from graspfn.learning.dataset import ClassSamples
+from graspfn.learning.device import resources
+from graspfn.learning.networks import build_network
+from graspfn.learning.pretraining import class_indices, pretrain
+from graspfn.learning.weights import save_network
+from graspfn.params import Declared
+from graspfn.workflow.stage import stage
+
+IMAGES, TABLE, OUT = Path("data/images"), Path("data/augmentation.parquet"), Path("data/pretrained")
+
+
+@stage("pretrain")
+def main(params: Declared) -> None:
+    classes, names = class_indices(pd.read_parquet(IMAGES / "train.parquet")["class"].tolist())
+    images = np.load(IMAGES / "train.npy", mmap_mode="r")
+    camera = Intrinsics.from_params(params.camera)
+    samples = ClassSamples(images, classes, pd.read_parquet(TABLE), camera, params.noise)
+    network = build_network(params.network, params.seed)
+    scratch = resources(params.compute, f"pretrain-{params.network_name}")
+    history, notes = pretrain(network, samples, names, params.pretrain, params.network, params.seed, scratch)
+    folder = OUT / params.network_name
+    save_network(folder, network, params.network, **notes)
+    history.to_csv(folder / "history.csv", index=False)
+
+
+if __name__ == "__main__":
+    main()

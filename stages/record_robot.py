@@ -1,0 +1,79 @@
+"""Record robot trials, one MCAP each: executed by the simulated robot, or taken over from a folder (paper V-B)."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from graspfn.evaluation.trials import Sigma, plan_all
+from graspfn.geometry.camera import Intrinsics
+from graspfn.geometry.transforms import T_world_scene
+from graspfn.imaging.holes import fill_holes
+from graspfn.imaging.network_input import network_input
+from graspfn.imaging.placement import random_placement
+from graspfn.imaging.render import renderer
+from graspfn.learning.device import pick_device
+from graspfn.learning.prediction import predict
+from graspfn.learning.weights import load_network
+from graspfn.meshes.placed import T_world_object, read_resting
+from graspfn.meshes.store import load_object
+from graspfn.params import Declared
+from graspfn.robot.read import read_trial, recordings
+from graspfn.robot.record import write_trial
+from graspfn.robot.simulated import Scene, file_name, record, see
+from graspfn.workflow.parallel import map_objects
+from graspfn.workflow.seeds import generator
+from graspfn.workflow.stage import stage
+
+MESHES, PLACED = Path("data/objects/test"), Path("data/placed/test.parquet")
+NETWORKS, OUT = Path("data/networks"), Path("data/recordings")
+
+
+def simulated_tasks(params: Declared) -> Iterator[tuple[str, tuple[Any, ...]]]:
+    """Every scene with the plans of all methods under all conditions."""
+    camera, render = Intrinsics.from_params(params.camera), renderer(params.camera.renderer)
+    device = pick_device(params.compute.device)
+    networks = {name: load_network(NETWORKS / name) for name in params.networks}
+    sigmas = [Sigma(*pair) for pair in zip(params.robot.sigma_uv_mm, params.robot.sigma_theta_deg, strict=True)]
+    for row in read_resting(PLACED).head(params.robot.objects).to_dict("records"):
+        name, T = row["id"], T_world_object(row)
+        mesh = load_object(MESHES, name)
+        centred = render(mesh, T, camera)
+        for placement in range(params.robot.placements):
+            rng = generator(params.seed, "record_robot", name, placement)
+            shift, theta = random_placement(centred, camera, rng)
+            depth = see(render(mesh, T_world_scene(shift, theta) @ T, camera), params.noise, camera, rng)
+            filled = fill_holes(depth)
+            functions = {
+                key: predict(net, network_input(filled, camera)[None], device)[0] for key, net in networks.items()
+            }
+            scene = Scene(name, placement, shift, theta, depth)
+            key = f"{name}-{placement}"
+            plans = [
+                (sigma, planned)
+                for sigma in sigmas
+                for planned in plan_all(filled, functions, sigma, params.plan, camera, params.seed, key)
+            ]
+            yield key, (scene, plans, mesh, T, params.physics, params.gripper, params.attempt, camera, params.seed)
+
+
+@stage("record_robot")
+def main(params: Declared) -> None:
+    shutil.rmtree(OUT, ignore_errors=True)
+    OUT.mkdir(parents=True)
+    if params.robot.source == "folder":
+        for path in recordings(Path(params.robot.folder)):
+            read_trial(path, params.topics)  # refuses, before anything runs on it, what cannot be analysed
+            shutil.copyfile(path, OUT / path.name)
+        return
+    scenes = min(params.robot.objects, len(read_resting(PLACED))) * params.robot.placements
+    for name, result in map_objects(record, simulated_tasks(params), scenes, params.compute, "record"):
+        if isinstance(result, Exception):
+            print(f"left out {name}: {result}")
+            continue
+        for trial in result:
+            write_trial(OUT / file_name(trial.condition), trial, params.topics, params.robot.depth_encoding)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,48 @@
+"""Render depth images: training objects in the middle, test objects at random placements (paper III-B, V-A)."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from graspfn.geometry.camera import Intrinsics
+from graspfn.geometry.transforms import T_world_scene
+from graspfn.imaging.placement import random_placement
+from graspfn.imaging.render import renderer
+from graspfn.meshes.placed import T_world_object, read_resting
+from graspfn.meshes.store import load_object
+from graspfn.params import Declared
+from graspfn.workflow.files import write_parquet
+from graspfn.workflow.seeds import generator
+from graspfn.workflow.stage import stage
+
+OBJECTS, PLACED, OUT = Path("data/objects"), Path("data/placed"), Path("data/images")
+
+
+@stage("render_images")
+def main(params: Declared) -> None:
+    camera = Intrinsics.from_params(params.camera)
+    render = renderer(params.camera.renderer)
+    OUT.mkdir(parents=True, exist_ok=True)
+    for split in ("train", "test"):
+        placed = read_resting(PLACED / f"{split}.parquet")
+        shape = (len(placed), camera.height, camera.width)
+        images = np.lib.format.open_memmap(OUT / f"{split}.npy", "w+", np.float32, shape)
+        rows = []
+        for i, row in enumerate(tqdm(placed.to_dict("records"), desc=f"render {split}", unit="image")):
+            mesh, T = load_object(OBJECTS / split, row["id"]), T_world_object(row)
+            images[i] = render(mesh, T, camera)
+            line = {"row": i, "id": row["id"], "class": row["class"]}
+            if split == "test":
+                rng = generator(params.seed, "render_images", row["id"])
+                shift, theta = random_placement(images[i], camera, rng)
+                images[i] = render(mesh, T_world_scene(shift, theta) @ T, camera)
+                line |= {"shift_u_m": shift[0], "shift_v_m": shift[1], "theta_rad": theta}
+            rows.append(line)
+        images.flush()
+        write_parquet(OUT / f"{split}.parquet", pd.DataFrame(rows))
+
+
+if __name__ == "__main__":
+    main()

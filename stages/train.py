@@ -1,0 +1,45 @@
+"""Train a network to predict the grasp function from a depth image (paper IV)."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from graspfn.geometry.camera import Intrinsics
+from graspfn.learning.dataset import GraspSamples
+from graspfn.learning.device import resources
+from graspfn.learning.training import train
+from graspfn.learning.weights import load_network, save_network
+from graspfn.params import Declared
+from graspfn.workflow.files import read_npz
+from graspfn.workflow.stage import stage
+
+IMAGES, TABLE, LABELS = Path("data/images"), Path("data/augmentation.parquet"), Path("data/labels.npz")
+PRETRAINED, OUT = Path("data/pretrained"), Path("data/networks")
+
+
+@stage("train")
+def main(params: Declared) -> None:
+    labels = read_npz(LABELS)
+    table = pd.read_parquet(TABLE)
+    ids = pd.read_parquet(IMAGES / "train.parquet")["id"]
+    # An object whose labelling failed has an image but no label: its samples are left out.
+    place = {name: i for i, name in enumerate(labels["ids"].tolist())}
+    table = table[table["row"].map(ids).isin(place.keys())].reset_index(drop=True)
+    successes = np.zeros((len(ids), *labels["successes"].shape[1:]), dtype=np.uint8)
+    for row, name in enumerate(ids):
+        if name in place:
+            successes[row] = labels["successes"][place[name]]
+    images = np.load(IMAGES / "train.npy", mmap_mode="r")
+    camera = Intrinsics.from_params(params.camera)
+    samples = GraspSamples(images, successes, int(labels["attempts"]), table, camera, params.noise)
+    network = load_network(PRETRAINED / params.network_name)
+    scratch = resources(params.compute, f"train-{params.network_name}")
+    history = train(network, samples, params.train, params.network, params.seed, scratch)
+    folder = OUT / params.network_name
+    save_network(folder, network, params.network)
+    history.to_csv(folder / "history.csv", index=False)
+
+
+if __name__ == "__main__":
+    main()

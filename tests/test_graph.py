@@ -1,0 +1,100 @@
+"""dvc.yaml says of every stage exactly what it uses: the rooms it imports and the parameters it reads."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "src" / "graspfn"
+ROOMS = "workflow geometry meshes physics imaging learning planning evaluation robot reporting".split()
+STAGES = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
+
+
+def imports(path: Path) -> set[Path]:
+    """The graspfn modules that a file imports, at its top or inside a function."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
+    files = set()
+    for name in names:
+        parts = name.split(".")
+        if parts[0] == "graspfn" and len(parts) > 1:
+            file = PACKAGE.joinpath(*parts[1:]).with_suffix(".py")
+            if file.is_file():
+                files.add(file)
+    return files
+
+
+def reached(path: Path) -> set[Path]:
+    """Every graspfn module that loading a file can load."""
+    seen: set[Path] = set()
+    todo = [path]
+    while todo:
+        new = imports(todo.pop()) - seen
+        seen |= new
+        todo += new
+    return seen
+
+
+def rooms(files: set[Path]) -> set[str]:
+    return {file.relative_to(PACKAGE).parts[0] for file in files if file.parent != PACKAGE}
+
+
+def script(stage: str) -> Path:
+    return ROOT / "stages" / f"{stage}.py"
+
+
+def test_every_script_is_a_stage_and_every_stage_a_script() -> None:
+    assert {path.stem for path in (ROOT / "stages").glob("*.py")} == set(STAGES)
+    for name, stage in STAGES.items():
+        assert stage["cmd"].split()[:2] == ["python", f"stages/{name}.py"]
+
+
+@pytest.mark.parametrize("name", STAGES)
+def test_deps_are_the_rooms_that_the_stage_imports(name: str) -> None:
+    deps = {dep for dep in STAGES[name]["deps"] if dep.startswith("src/")}
+    assert deps == {f"src/graspfn/{room}" for room in rooms(reached(script(name)))}
+    assert f"stages/{name}.py" in STAGES[name]["deps"]
+
+
+@pytest.mark.parametrize("name", STAGES)
+def test_params_are_the_keys_that_the_stage_reads(name: str) -> None:
+    tree = ast.parse(script(name).read_text())
+    read = {
+        node.attr
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "params"
+    }
+    # `compute` cannot change a result, `network_name` is the matrix item itself.
+    declared = {key.partition(".")[0] for key in STAGES[name].get("params", [])}
+    if name != "report":  # hands all of them to the page
+        assert read - {"compute", "network_name"} == declared
+
+
+@pytest.mark.parametrize("name", STAGES)
+def test_a_stage_script_only_wires(name: str) -> None:
+    assert len(script(name).read_text().splitlines()) < 100
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_rooms_import_only_from_rooms_above(room: str) -> None:
+    above = ROOMS[: ROOMS.index(room) + 1]
+    for file in (PACKAGE / room).rglob("*.py"):
+        used = imports(file)
+        assert rooms(used) <= set(above), file
+        assert {path for path in used if path.parent == PACKAGE} <= {PACKAGE / "params.py"}, file
+
+
+def test_every_room_is_known() -> None:
+    assert {path.parent.name for path in PACKAGE.glob("*/__init__.py")} == set(ROOMS)
+
+
+def test_params_module_computes_nothing_that_stages_would_not_see() -> None:
+    assert imports(PACKAGE / "params.py") == set()

@@ -1,0 +1,155 @@
+"""Both architectures: shapes, what a cell sees, saving, predicting."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from graspfn.learning.networks import Classifier, build_network
+from graspfn.learning.prediction import predict
+from graspfn.learning.weights import load_network, save_network
+from graspfn.params import Network
+
+PARAMS = {
+    "alexnet": Network("alexnet", 4, 8, 0.3, 1e-3, 0.0),
+    "fcn": Network("fcn", 4, 1, 0.0, 1e-3, 0.0),
+}
+
+
+@pytest.fixture(params=PARAMS)
+def params(request):
+    return PARAMS[request.param]
+
+
+@pytest.fixture
+def inputs():
+    return np.random.default_rng(0).random((3, 132, 176)).astype(np.float32)
+
+
+def test_logits_for_every_pose_and_class(params, inputs):
+    network = build_network(params)
+    x = torch.from_numpy(inputs)[:, None]
+    assert network(x).shape == (3, 33, 44, 6, 6)
+    assert network.features(x).shape == (3, network.n_features)
+    assert Classifier(network, 5)(x).shape == (3, 5)
+
+
+def test_weights_come_from_the_seed_alone(params):
+    torch.manual_seed(1)
+    one = build_network(params, seed=3).state_dict()
+    torch.manual_seed(2)
+    same, other = build_network(params, seed=3).state_dict(), build_network(params, seed=4).state_dict()
+    assert all(torch.equal(one[name], same[name]) for name in one)
+    assert not all(torch.equal(one[name], other[name]) for name in one)
+
+
+def test_every_weight_is_trained(params, inputs):
+    network = build_network(params)
+    network(torch.from_numpy(inputs)[:, None]).square().sum().backward()
+    assert all(weight.grad is not None and weight.grad.abs().sum() > 0 for weight in network.parameters())
+
+
+def test_classification_trains_all_that_the_grasp_function_shares(params, inputs):
+    network = build_network(params)
+    Classifier(network, 2)(torch.from_numpy(inputs)[:, None]).square().sum().backward()
+    untrained = [name for name, weight in network.named_parameters() if weight.grad is None]
+    assert untrained == ["output.weight", "output.bias"]
+
+
+def test_prior_is_what_an_empty_network_predicts(params):
+    network = build_network(params)
+    frequencies = np.array([0.9, 0.04, 0.03, 0.01, 0.01, 0.01])
+    network.set_prior(frequencies)
+    with torch.no_grad():
+        network.output.weight.zero_()
+        probability = network.eval()(torch.zeros(1, 1, 132, 176)).softmax(dim=-1)
+    assert np.allclose(probability, frequencies, atol=1e-6)
+
+
+def test_a_cell_of_the_fcn_sees_at_least_9_cm_each_way(inputs):
+    """The furthest input pixels that change the logits of the middle cell: 36 pixels of 2.5 mm are 9 cm."""
+    network = build_network(Network("fcn", 8, 1, 0.0, 1e-3, 0.0)).eval()
+    x = torch.from_numpy(inputs[:1])[:, None].requires_grad_()
+    network(x)[0, 16, 22].sum().backward()
+    rows, columns = np.nonzero(x.grad[0, 0].numpy())
+    assert rows.min() <= 66 - 36
+    assert rows.max() >= 66 + 36
+    assert columns.min() <= 90 - 36
+    assert columns.max() >= 90 + 36
+
+
+def test_fcn_moves_with_its_input():
+    """It halves its grid twice below the cells', so that a shift by four cells is exact away from the border."""
+    network = build_network(Network("fcn", 8, 1, 0.0, 1e-3, 0.0)).eval()
+    x = np.zeros((132, 176), np.float32)
+    x[56:72, 70:90] = np.random.default_rng(0).random((16, 20))
+    scores = predict(network, np.stack([x, np.roll(x, (16, -16), axis=(0, 1))]))
+    here, there = scores[0, 12:20, 17:23], scores[1, 16:24, 13:19]
+    assert np.ptp(here) > 1e-3
+    assert np.allclose(here, there, atol=0.02 * np.ptp(here))
+
+
+def test_scores_are_expectations(params, inputs):
+    network = build_network(params)
+    scores = predict(network, inputs)
+    assert scores.shape == (3, 33, 44, 6)
+    assert scores.dtype == np.float32
+    with torch.no_grad():
+        logits = network(torch.from_numpy(inputs)[:, None]).double().numpy()
+    probability = np.exp(logits) / np.exp(logits).sum(axis=-1, keepdims=True)
+    assert np.allclose(scores, (probability * [0, 0.2, 0.4, 0.6, 0.8, 1]).sum(axis=-1), atol=1e-5)
+
+
+def test_scores_do_not_depend_on_the_batch(params, inputs):
+    many = np.concatenate([inputs] * 7)
+    network = build_network(params)
+    assert np.allclose(predict(network, many)[-3:], predict(network, inputs), atol=1e-5)
+    assert predict(network, inputs[:0]).shape == (0, 33, 44, 6)
+
+
+def test_saved_networks_come_back(params, inputs, tmp_path):
+    network = build_network(params, seed=5)
+    save_network(tmp_path / "net", network, params, pretrained_on=["cup", "bowl"])
+    assert sorted(path.name for path in (tmp_path / "net").iterdir()) == ["config.json", "weights.safetensors"]
+    assert json.loads((tmp_path / "net/config.json").read_text())["pretrained_on"] == ["cup", "bowl"]
+    assert np.array_equal(predict(load_network(tmp_path / "net"), inputs), predict(network, inputs))
+
+
+def spoil_config(folder):
+    (folder / "config.json").write_text("{")
+
+
+def spoil_architecture(folder):
+    config = json.loads((folder / "config.json").read_text())
+    config["network"]["architecture"] = "resnet"
+    (folder / "config.json").write_text(json.dumps(config))
+
+
+def spoil_width(folder):
+    config = json.loads((folder / "config.json").read_text())
+    config["network"]["width"] += 1
+    (folder / "config.json").write_text(json.dumps(config))
+
+
+def spoil_weights(folder):
+    (folder / "weights.safetensors").write_bytes(b"not safetensors")
+
+
+def remove_weights(folder):
+    (folder / "weights.safetensors").unlink()
+
+
+def remove_config(folder):
+    (folder / "config.json").unlink()
+
+
+@pytest.mark.parametrize(
+    "spoil", [spoil_config, spoil_architecture, spoil_width, spoil_weights, remove_weights, remove_config]
+)
+def test_a_folder_without_a_network_is_one_line(params, tmp_path, spoil):
+    save_network(tmp_path, build_network(params), params)
+    spoil(tmp_path)
+    with pytest.raises(ValueError, match=str(tmp_path)) as caught:
+        load_network(tmp_path)
+    assert "\n" not in str(caught.value)

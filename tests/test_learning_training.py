@@ -1,0 +1,179 @@
+"""The training loop: resumes to the bit, refuses nonsense, and learns."""
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+import trimesh
+from scipy import ndimage
+from torch.utils.data import Dataset
+
+from graspfn.geometry.camera import Intrinsics
+from graspfn.geometry.transforms import translation
+from graspfn.imaging.render import render_depth
+from graspfn.learning.augmentation import augmentation_table
+from graspfn.learning.checkpoint import FILE
+from graspfn.learning.dataset import GraspSamples
+from graspfn.learning.device import pick_device
+from graspfn.learning.networks import build_network
+from graspfn.learning.prediction import predict
+from graspfn.learning.training import Descent, Resources, TrainingError, batches, fit, grasp_loss, train
+from graspfn.params import Network, Noise, Train
+
+CAMERA = Intrinsics(640, 480, 570.0)
+ALEXNET = Network("alexnet", 2, 4, 0.3, 1e-3, 1e-2)
+FCN = Network("fcn", 4, 1, 0.0, 1e-2, 1e-2)
+DESCENT = Descent("train", 0, 1.5, 4, 1e-2, 1e-2)
+
+
+class Interrupted(Exception):
+    """Stands for a killed process."""
+
+
+class Tiny(Dataset):
+    """16 samples of noise; raises at the `stop`-th one that is asked for."""
+
+    def __init__(self, stop=None):
+        self.stop, self.asked = stop, 0
+
+    def __len__(self):
+        return 16
+
+    def __getitem__(self, index):
+        self.asked += 1
+        if self.asked == self.stop:
+            raise Interrupted
+        rng = np.random.default_rng(index)
+        image = torch.from_numpy(rng.random((1, 132, 176), dtype=np.float32))
+        return image, torch.from_numpy(rng.integers(0, 6, (33, 44, 6), dtype=np.uint8))
+
+    def digest(self):
+        return "tiny"
+
+
+def resources(folder, every_s=1e9, **options):
+    return Resources(torch.device("cpu"), folder, every_s, progress=False, **options)
+
+
+@pytest.mark.parametrize("params", [ALEXNET, FCN], ids=["alexnet", "fcn"])
+def test_interrupted_and_resumed_is_the_same_to_the_bit(params, tmp_path):
+    whole, parts = build_network(params), build_network(params)
+    history = fit(whole, grasp_loss, Tiny(), DESCENT, resources(tmp_path / "whole"))
+    with pytest.raises(Interrupted):  # in the fourth of six steps, with a checkpoint after every one
+        fit(parts, grasp_loss, Tiny(stop=15), DESCENT, resources(tmp_path / "parts", 0))
+    assert [path.name for path in (tmp_path / "parts").iterdir()] == [FILE]
+    parts, rest = build_network(params), Tiny()
+    resumed = fit(parts, grasp_loss, rest, DESCENT, resources(tmp_path / "parts"))
+    assert rest.asked == 3 * 4  # it did not start over
+    pd.testing.assert_frame_equal(history, resumed, check_exact=True)
+    assert all(torch.equal(value, parts.state_dict()[name]) for name, value in whole.state_dict().items())
+    assert list((tmp_path / "parts").iterdir()) == []
+
+
+def test_a_checkpoint_of_another_run_is_left_alone(tmp_path):
+    with pytest.raises(Interrupted):
+        fit(build_network(ALEXNET), grasp_loss, Tiny(stop=15), DESCENT, resources(tmp_path, 0))
+    other = Tiny()
+    fit(build_network(ALEXNET, seed=1), grasp_loss, other, DESCENT, resources(tmp_path))
+    assert other.asked == 6 * 4
+
+
+def test_processes_that_load_do_not_change_the_result(tmp_path):
+    alone, helped = (
+        fit(build_network(ALEXNET), grasp_loss, Tiny(), DESCENT, resources(tmp_path, loaders=count)) for count in (0, 2)
+    )
+    pd.testing.assert_frame_equal(alone, helped, check_exact=True)
+
+
+def test_threads_are_given_back(tmp_path):
+    before = torch.get_num_threads()
+    fit(build_network(ALEXNET), grasp_loss, Tiny(), DESCENT, resources(tmp_path, threads=before + 1))
+    assert torch.get_num_threads() == before
+
+
+def test_every_epoch_shows_every_sample_once_in_its_own_order():
+    descent = Descent("train", 0, 3.0, 4, 1e-2, 0.0)
+    flat = np.concatenate(list(batches(10, descent, 0, 15)))
+    orders = flat[:30].reshape(3, 10)
+    assert (np.sort(orders, axis=1) == np.arange(10)).all()
+    assert len(np.unique(orders, axis=0)) == 3
+    assert np.array_equal(flat[20:], np.concatenate(list(batches(10, descent, 5, 15))))
+
+
+@pytest.mark.parametrize(("epochs", "steps"), [(0.25, 1), (0.5, 2), (1.5, 6), (0.001, 1)])
+def test_epochs_may_be_fractions(epochs, steps):
+    assert Descent("train", 0, epochs, 4, 1e-2, 0.0).steps(16) == steps
+
+
+@pytest.mark.parametrize("steps", [1, 2, 10, 1000])
+def test_learning_rate_rises_to_its_peak_and_falls_towards_zero(steps):
+    rates = np.array([DESCENT.rate(step, steps) for step in range(steps)])
+    peak = rates.argmax()
+    assert rates.max() == pytest.approx(DESCENT.learning_rate)
+    assert peak <= 0.1 * steps
+    assert (np.diff(rates[: peak + 1]) > 0).all()
+    assert (np.diff(rates[peak:]) < 0).all()
+    assert rates.min() > 0
+
+
+def test_loss_of_an_even_guess_is_the_entropy_of_six_classes():
+    classes = torch.randint(0, 6, (2, 33, 44, 6), dtype=torch.uint8)
+    assert grasp_loss(torch.zeros(2, 33, 44, 6, 6), classes).item() == pytest.approx(np.log(6))
+    right = torch.nn.functional.one_hot(classes.long(), 6) * 50.0
+    assert grasp_loss(right, classes).item() < 1e-6
+
+
+def test_a_loss_that_is_not_a_number_is_one_line(tmp_path):
+    def broken(logits, classes):
+        return grasp_loss(logits, classes) * float("nan")
+
+    with pytest.raises(TrainingError, match=r"^network.learning_rate: at 0.01 the loss became nan in step 1 of 6; .*$"):
+        fit(build_network(ALEXNET), broken, Tiny(), DESCENT, resources(tmp_path))
+
+
+def test_unavailable_devices_are_one_line():
+    assert pick_device("cpu") == torch.device("cpu")
+    assert str(pick_device("auto")) in ("cpu", "cuda", "mps")
+    missing = "mps" if not torch.backends.mps.is_available() else "cuda"
+    with pytest.raises(ValueError, match=rf"^compute.device: {missing} is not available; .*$"):
+        pick_device(missing)
+
+
+@pytest.fixture(scope="module")
+def objects():
+    """Two boxes, and the grasps that a jaw round their middles would make: a toy of the physics."""
+    boxes = [trimesh.creation.box(size) for size in ((0.14, 0.03, 0.03), (0.10, 0.04, 0.05))]
+    images = np.stack([render_depth(box, translation(0, 0, box.extents[2] / 2), CAMERA) for box in boxes])
+    successes = np.zeros((2, 33, 44, 6), np.uint8)
+    successes[:, 14:19, 18:26, 3] = 5  # across the long side
+    return images, successes
+
+
+def test_learns_and_the_prediction_moves_with_the_object(objects, tmp_path):
+    """After a hundred steps on two boxes, the best pose of a box in a new place lies across its middle."""
+    images, successes = objects
+    table = augmentation_table(images, ["a", "b"], CAMERA, 16, seed=0)
+    dataset = GraspSamples(images, successes, 5, table, CAMERA, Noise(1.0, 1.5))
+    prepared = [dataset[index] for index in range(len(dataset))]
+
+    class Prepared(Dataset):
+        def __len__(self):
+            return len(prepared)
+
+        def __getitem__(self, index):
+            return prepared[index]
+
+        digest = staticmethod(dataset.digest)
+        class_frequencies = staticmethod(dataset.class_frequencies)
+
+    network = build_network(FCN)
+    history = train(network, Prepared(), Train(25.0, 8, 1e9), FCN, 0, resources(tmp_path))
+    assert history["loss"][-10:].mean() < 0.5 * history["loss"][:10].mean()
+    unseen = augmentation_table(images, ["c", "d"], CAMERA, 4, seed=1)
+    clean = GraspSamples(images, successes, 5, unseen, CAMERA, Noise(0.0, 0.0))
+    scores = predict(network, np.stack([clean.image(index)[0].numpy() for index in range(8)]))
+    hits = 0
+    for index, score in enumerate(scores):
+        good = ndimage.maximum_filter(clean.label(index).numpy() >= 2, (3, 3, 3), mode=("constant", "constant", "wrap"))
+        hits += good[np.unravel_index(score.argmax(), score.shape)]
+    assert hits >= 7

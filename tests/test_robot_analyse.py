@@ -1,0 +1,130 @@
+"""The uncertainty of the arm from its recordings."""
+
+from __future__ import annotations
+
+import dataclasses
+import tracemalloc
+
+import numpy as np
+import pandas as pd
+import pytest
+from test_robot_recording import CONDITION, TOPICS, trial
+
+from graspfn.robot.analyse import analyse, independent_errors, sigma_interval, uncertainty
+from graspfn.robot.record import write_trial
+from graspfn.robot.trial import RecordingError
+
+
+def draw(n: int, rng: np.random.Generator, uv_mm=6.2, theta_deg=4.7, bias=(0, 0, 0)) -> np.ndarray:
+    sigma = np.array([uv_mm / 1000, uv_mm / 1000, np.radians(theta_deg)])
+    errors = rng.normal(size=(n, 3)) * sigma + np.array(bias)
+    errors[:, 2] = (errors[:, 2] + np.pi / 2) % np.pi - np.pi / 2
+    return errors
+
+
+@pytest.mark.parametrize(("uv_mm", "theta_deg"), [(6.2, 4.7), (20, 15)])
+def test_a_known_sigma_is_recovered_whatever_the_bias(uv_mm, theta_deg):
+    bias = (0.01, -0.02, np.radians(88))
+    found = uncertainty(draw(20_000, np.random.default_rng(0), uv_mm, theta_deg, bias))
+    for axis in ("u", "v", "uv"):
+        assert found[f"estimated_{axis}_mm"] == pytest.approx(uv_mm, rel=0.02)
+    assert found["estimated_theta_deg"] == pytest.approx(theta_deg, rel=0.02)
+    assert found["bias_u_mm"] == pytest.approx(10, abs=0.6)
+    assert found["bias_v_mm"] == pytest.approx(-20, abs=0.6)
+    assert found["bias_theta_deg"] == pytest.approx(88, abs=0.5)
+
+
+def test_intervals_cover_the_truth_as_often_as_they_say():
+    rng = np.random.default_rng(1)
+    rows = [uncertainty(draw(30, rng)) for _ in range(1000)]
+    for name, truth in (("uv_mm", 6.2), ("theta_deg", 4.7)):
+        covered = np.mean([r[f"estimated_{name}_low"] <= truth <= r[f"estimated_{name}_high"] for r in rows])
+        assert 0.925 < covered < 0.975
+        assert all(r[f"estimated_{name}_low"] < r[f"estimated_{name}"] < r[f"estimated_{name}_high"] for r in rows)
+
+
+def test_one_trial_says_nothing_about_spread():
+    value, low, high = sigma_interval(0.0, 0)
+    assert np.isnan(value) and (low, high) == (0, np.inf)
+    assert np.isnan(uncertainty(np.array([[0.001, 0.002, 0.1]]))["estimated_uv_mm"])
+
+
+def record(folder, errors, **condition):
+    """One recording per error, commanded near the wrap of theta."""
+    rng = np.random.default_rng(5)
+    small = np.full((4, 6), 0.4, np.float32)
+    for i, error in enumerate(errors):
+        q = np.array([*rng.uniform(-0.1, 0.1, 2), rng.uniform(3.0, 3.3) % np.pi])
+        reached = q + error
+        changed = dataclasses.replace(CONDITION, object=f"cup-{i // 5}", placement=str(i % 5), **condition)
+        made = trial(condition=changed, depth=small, commanded=q, achieved=reached, success=i % 3 > 0)
+        name = "-".join(str(value) for value in dataclasses.astuple(changed)).replace(" ", "_")
+        write_trial(folder / f"{name}.mcap", made, TOPICS, "16UC1")
+
+
+def test_recordings_become_the_two_tables(tmp_path):
+    rng = np.random.default_rng(2)
+    narrow, wide = draw(25, rng), draw(25, rng, 20, 15)
+    record(tmp_path, narrow)
+    record(tmp_path, wide, sigma_uv_mm=20.0, sigma_theta_deg=15.0)
+    trials, found = analyse(tmp_path.glob("*.mcap"), TOPICS)
+    assert len(trials) == 50
+    assert trials.success.dtype == bool and trials.simulated.all()
+    assert trials.groupby("sigma_uv_mm").success.sum().tolist() == [16, 16]
+    assert found[["sigma_uv_mm", "sigma_theta_deg"]].values.tolist() == [[6.2, 4.7], [20.0, 15.0]]
+    for row, errors in zip(found.to_dict("records"), (narrow, wide), strict=True):
+        # The slow way: u and v pooled about their means, theta about its own.
+        uv = np.sqrt((errors[:, :2] - errors[:, :2].mean(axis=0)).var(ddof=1, axis=0).mean()) * 1000
+        assert row["estimated_uv_mm"] == pytest.approx(uv, rel=1e-6)
+        assert row["estimated_theta_deg"] == pytest.approx(np.degrees(errors[:, 2].std(ddof=1)), rel=0.02)
+        assert (row["trials"], row["draws"]) == (25, 25)
+
+
+def test_methods_that_shared_their_errors_add_no_observations(tmp_path):
+    errors = draw(10, np.random.default_rng(3))
+    record(tmp_path, errors)
+    _, alone = analyse(tmp_path.glob("*.mcap"), TOPICS)
+    record(tmp_path, errors, method="Best Grasp")
+    trials, both = analyse(tmp_path.glob("*.mcap"), TOPICS)
+    assert len(trials) == 20
+    assert (both.trials.item(), both.draws.item()) == (20, 10)
+    columns = [name for name in both if name != "trials"]
+    np.testing.assert_allclose(both[columns].astype(float), alone[columns].astype(float), rtol=1e-6)
+
+
+def test_equal_errors_of_different_placements_are_all_observations():
+    rows = pd.DataFrame({"object": ["a", "a"], "placement": ["0", "1"]})
+    for name in ("u_m", "v_m", "theta_rad", "reached_u_m", "reached_v_m", "reached_theta_rad"):
+        rows[name] = 0.0
+    assert len(independent_errors(rows)) == 2
+
+
+def test_the_same_trial_twice_is_refused(tmp_path):
+    write_trial(tmp_path / "a.mcap", trial(), TOPICS, "16UC1")
+    write_trial(tmp_path / "b.mcap", trial(), TOPICS, "16UC1")
+    with pytest.raises(RecordingError, match=r"a\.mcap and b\.mcap: two recordings of the same trial"):
+        analyse(tmp_path.glob("*.mcap"), TOPICS)
+    with pytest.raises(RecordingError, match="no recordings"):
+        analyse([], TOPICS)
+
+
+def test_the_order_of_files_does_not_matter(tmp_path):
+    record(tmp_path, draw(6, np.random.default_rng(4)))
+    paths = sorted(tmp_path.glob("*.mcap"))
+    for one, other in zip(analyse(paths, TOPICS), analyse(paths[::-1], TOPICS), strict=True):
+        pd.testing.assert_frame_equal(one, other)
+
+
+def test_memory_does_not_grow_with_the_recordings(tmp_path):
+    paths = []
+    for i in range(6):
+        paths.append(tmp_path / f"{i}.mcap")
+        changed = dataclasses.replace(CONDITION, placement=str(i))
+        write_trial(paths[-1], trial(i, condition=changed), TOPICS, "32FC1")
+    peaks = []
+    for count in (2, 6):
+        tracemalloc.start()
+        analyse(paths[:count], TOPICS)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < peaks[0] + 1e6  # an image alone is 1.2 MB

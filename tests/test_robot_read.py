@@ -1,0 +1,247 @@
+"""Recordings that others wrote: padding, byte order, videos, orientations, damage."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import CompressionType
+from mcap_ros2.decoder import DecoderFactory
+from mcap_ros2.writer import Writer
+from scipy.spatial.transform import Rotation
+from test_robot_recording import CONDITION, TOPICS, trial
+
+from graspfn.robot import decode, messages
+from graspfn.robot.read import read_trial, recordings
+from graspfn.robot.record import write_trial
+from graspfn.robot.trial import METADATA, RecordingError
+
+REAL = Path(__file__).parents[1] / "../shared/data/mcap"
+needs_real_files = pytest.mark.skipif(not REAL.is_dir(), reason="the real recordings are not beside the repository")
+
+
+def others(path: Path, order=None, metadata=True, **counts) -> Path:
+    """A recording as another program might write it: any order in the file, depth images as a video."""
+    frame = messages.header(0, "table")
+    made = trial()
+    entries = []
+    for i in range(counts.get("depth", 3)):
+        image = messages.depth_image(np.full((4, 6), 0.1 * (i + 1), np.float32), "32FC1", frame)
+        entries.append((10 * i, TOPICS.depth, "sensor_msgs/msg/Image", image))
+    late = messages.depth_image(np.full((4, 6), 9.0, np.float32), "32FC1", frame)
+    entries.append((200, TOPICS.depth, "sensor_msgs/msg/Image", late))
+    entries.append(
+        (5, TOPICS.camera_info, "sensor_msgs/msg/CameraInfo", messages.camera_info(np.eye(3), (4, 6), frame))
+    )
+    for topic, q in ((TOPICS.commanded, made.commanded), (TOPICS.achieved, made.achieved)):
+        for i in range(counts.get(topic, 1)):
+            pose = messages.pose_stamped(q, frame)
+            entries.append((100 + i, topic, "geometry_msgs/msg/PoseStamped", pose))
+    for i in range(counts.get("outcome", 1)):
+        entries.append((300 + i, TOPICS.outcome, "std_msgs/msg/Bool", {"data": True}))
+    entries.append((150, "/rosout", "std_msgs/msg/Bool", {"data": False}))
+    if order is not None:
+        entries = [entries[i] for i in order.permutation(len(entries))]
+    with path.open("wb") as stream:
+        writer = Writer(stream, compression=CompressionType.NONE)  # as rosbag2 does by default
+        schemas = {name: writer.register_msgdef(name, text) for name, text in messages.SCHEMAS.items()}
+        for time, topic, kind, message in entries:
+            if topic not in counts.get("without", ()):
+                writer.write_message(topic, schemas[counts.get("kind", {}).get(topic, kind)], message, log_time=time)
+        if metadata:
+            writer.add_metadata(METADATA, CONDITION.to_metadata())
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_last_image_before_the_command_is_taken_in_any_order(tmp_path, seed):
+    back = read_trial(others(tmp_path / "a.mcap", np.random.default_rng(seed)), TOPICS)
+    np.testing.assert_allclose(back.depth, 0.3, rtol=1e-6)
+    np.testing.assert_allclose(back.commanded, trial().commanded)
+    np.testing.assert_allclose(back.achieved, trial().achieved)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"metadata": False}, "no metadata record 'graspfn.trial'.*sigma_uv_mm.*simulated"),
+        ({"without": (TOPICS.achieved,)}, f"no message on topic {TOPICS.achieved}"),
+        ({"without": (TOPICS.outcome,)}, f"no message on topic {TOPICS.outcome}"),
+        ({"without": (TOPICS.depth,)}, f"no message on topic {TOPICS.depth}"),
+        ({"without": (TOPICS.camera_info,)}, f"no message on topic {TOPICS.camera_info}"),
+        ({"depth": 0}, f"{TOPICS.depth} before the commanded pose"),
+        ({"outcome": 2}, f"2 messages on topic {TOPICS.outcome}; a trial has exactly one"),
+        ({TOPICS.commanded: 2}, f"2 messages on topic {TOPICS.commanded}"),
+        ({"kind": {TOPICS.outcome: "sensor_msgs/msg/JointState"}}, "carries sensor_msgs/msg/JointState; it takes std"),
+    ],
+)
+def test_what_is_missing_is_said_in_one_line_with_the_file(tmp_path, changes, says):
+    path = others(tmp_path / "bag.mcap", **changes)
+    with pytest.raises(RecordingError, match=says) as error:
+        read_trial(path, TOPICS)
+    assert str(error.value).startswith(f"{path}: ")
+    assert "\n" not in str(error.value)
+
+
+def image(depth_m: np.ndarray, encoding: str, big: bool, padding: int) -> SimpleNamespace:
+    kind = (">" if big else "<") + ("u2" if encoding == "16UC1" else "f4")
+    pixels = (depth_m * 1000).round().astype(kind) if encoding == "16UC1" else depth_m.astype(kind)
+    rows = np.ascontiguousarray(pixels).view(np.uint8).reshape(len(depth_m), -1)
+    rows = np.pad(rows, ((0, 0), (0, padding)), constant_values=255)
+    return SimpleNamespace(
+        encoding=encoding, is_bigendian=int(big), height=depth_m.shape[0], width=depth_m.shape[1],
+        step=rows.shape[1], data=rows.tobytes(),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("encoding", ["16UC1", "32FC1"])
+@pytest.mark.parametrize("big", [False, True])
+@pytest.mark.parametrize("padding", [0, 3, 8])
+def test_byte_order_and_row_padding_do_not_show(encoding, big, padding):
+    depth = np.random.default_rng(0).integers(200, 500, (5, 7)).astype(np.float32) / 1000
+    np.testing.assert_allclose(decode.depth(image(depth, encoding, big, padding)), depth, rtol=1e-6)
+
+
+@pytest.mark.parametrize("invalid", [0.0, np.nan, np.inf, -1.0])
+def test_every_way_of_saying_no_measurement_becomes_nan(invalid):
+    depth = decode.depth(image(np.array([[0.4, invalid]]), "32FC1", False, 0))
+    np.testing.assert_array_equal(depth, np.array([[0.4, np.nan]], dtype=np.float32))
+
+
+def test_images_that_cannot_be_depth_are_refused():
+    good = image(np.ones((4, 4)), "16UC1", False, 0)
+    for change in ({"encoding": "rgb8"}, {"step": 7}, {"data": good.data[:-1]}, {"height": 5}):
+        with pytest.raises(RecordingError):
+            decode.depth(SimpleNamespace(**(vars(good) | change)))
+
+
+def stamped(rotation: Rotation, frame: str = "table", scale: float = 1.0) -> SimpleNamespace:
+    x, y, z, w = scale * rotation.as_quat()
+    orientation = SimpleNamespace(x=x, y=y, z=z, w=w)
+    position = SimpleNamespace(x=0.1, y=-0.2, z=0.05)
+    pose = SimpleNamespace(position=position, orientation=orientation)
+    return SimpleNamespace(header=SimpleNamespace(frame_id=frame), pose=pose)
+
+
+@pytest.mark.parametrize("theta", np.linspace(-4, 4, 9))
+def test_theta_is_the_direction_of_closing_however_the_quaternion_says_it(theta):
+    """Both signs of a quaternion, either end of the jaw, a tool frame that points down, an imperfect length."""
+    about_z = Rotation.from_euler("z", -theta)
+    down, half_turn = Rotation.from_euler("x", np.pi), Rotation.from_euler("z", np.pi)
+    for message in (
+        stamped(about_z),
+        stamped(about_z, scale=-1.001),
+        stamped(about_z * half_turn),
+        stamped(about_z * down, "/table"),
+        stamped(about_z * Rotation.from_euler("y", 0.2)),
+    ):
+        u, v, found = decode.pose(message)
+        assert (u, v) == (0.1, 0.2)
+        assert abs((found - theta + np.pi / 2) % np.pi - np.pi / 2) < 1e-9
+        assert 0 <= found < np.pi
+
+
+@pytest.mark.parametrize(
+    ("message", "says"),
+    [
+        (stamped(Rotation.identity(), "base_link"), "frame 'base_link'"),
+        (stamped(Rotation.from_euler("y", np.pi / 2)), "off the table"),
+        (stamped(Rotation.identity(), scale=0.0), "quaternion"),
+        (stamped(Rotation.identity(), scale=np.nan), "quaternion"),
+    ],
+)
+def test_poses_that_are_no_grasp_are_refused(message, says):
+    with pytest.raises(RecordingError, match=says):
+        decode.pose(message)
+
+
+def test_joint_states_of_several_publishers_are_one_series():
+    first = SimpleNamespace(name=["a", "b"], position=[1.0, 2.0])
+    second = SimpleNamespace(name=["c", "b"], position=[3.0, 4.0])
+    names, time_s, positions = decode.joints([(1_500_000_000, first), (2_000_000_000, second)], 1_000_000_000)
+    assert names == ("a", "b", "c")
+    np.testing.assert_allclose(time_s, [0.5, 1.0])
+    np.testing.assert_array_equal(positions, [[1, 2, np.nan], [np.nan, 4, 3]])
+
+
+def test_damage_anywhere_is_an_error_or_harmless(tmp_path):
+    """Bytes flipped or cut at random: never another exception, never a different trial without one."""
+    whole = others(tmp_path / "whole.mcap").read_bytes()
+    good = read_trial(tmp_path / "whole.mcap", TOPICS)
+    path, rng, refused = tmp_path / "bad.mcap", np.random.default_rng(0), 0
+    for i in range(150):
+        bad = bytearray(whole)
+        if i % 3 == 0:
+            del bad[int(rng.integers(len(bad))) :]
+        else:
+            at = int(rng.integers(len(bad)))
+            bad[at] ^= int(rng.integers(1, 256))
+        path.write_bytes(bad)
+        try:
+            back = read_trial(path, TOPICS)
+        except RecordingError as error:
+            refused += 1
+            assert str(error).startswith(f"{path}: ") and "\n" not in str(error)
+        else:
+            np.testing.assert_array_equal(back.depth, good.depth)
+            np.testing.assert_array_equal(back.achieved, good.achieved)
+    assert refused > 75
+
+
+def test_files_that_are_no_recording(tmp_path):
+    (tmp_path / "text.mcap").write_text("FROM ros:jazzy\n")
+    (tmp_path / "empty.mcap").write_bytes(b"")
+    for name, says in (("text.mcap", "not an MCAP"), ("empty.mcap", "not an MCAP"), ("none.mcap", "cannot be read")):
+        with pytest.raises(RecordingError, match=f"{name}: {says}"):
+            read_trial(tmp_path / name, TOPICS)
+
+
+def test_recordings_of_a_folder(tmp_path):
+    with pytest.raises(RecordingError, match=r"no \.mcap files"):
+        recordings(tmp_path)
+    for name in ("b.mcap", "a.mcap", "notes.txt", ".a.mcap.12.part"):
+        (tmp_path / name).touch()
+    assert [path.name for path in recordings(tmp_path)] == ["a.mcap", "b.mcap"]
+
+
+@needs_real_files
+def test_real_files_that_hold_no_trial():
+    for name, says in (
+        ("Dockerfile.mcap", "not an MCAP file"),
+        ("test_sample_truncated.mcap", "cut short"),
+        ("test_sample.mcap", "no metadata record 'graspfn.trial'"),
+    ):
+        with pytest.raises(RecordingError, match=says):
+            read_trial(REAL / name, TOPICS)
+
+
+@needs_real_files
+@pytest.mark.parametrize("kind", sorted(messages.SCHEMAS))
+def test_our_definitions_read_what_ros_wrote_as_its_own_do(kind):
+    """Messages of a real ROS 2 file, decoded with its schema and with ours."""
+    ours = DecoderFactory()
+    seen = 0
+    with (REAL / "ros2_common_types.mcap").open("rb") as stream:
+        for schema, channel, message, theirs in make_reader(
+            stream, decoder_factories=[DecoderFactory()]
+        ).iter_decoded_messages():
+            if schema.name != kind:
+                continue
+            own = SimpleNamespace(id=schema.id, name=kind, encoding="ros2msg", data=messages.SCHEMAS[kind].encode())
+            assert repr(ours.decoder_for(channel.message_encoding, own)(message.data)) == repr(theirs)
+            seen += 1
+    assert seen > 0
+
+
+def test_writing_and_reading_a_trial_is_quick(tmp_path):
+    """A table of a thousand recordings is read in about a minute: pixels never pass through Python one by one."""
+    import time
+
+    write_trial(tmp_path / "a.mcap", trial(), TOPICS, "16UC1")
+    start = time.perf_counter()
+    read_trial(tmp_path / "a.mcap", TOPICS)
+    assert time.perf_counter() - start < 0.5

@@ -1,0 +1,108 @@
+"""The files that set a machine up: the lock, the checks, DVC's configuration."""
+
+import configparser
+import ctypes
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+from typer.testing import CliRunner
+
+from graspfn.cli import app
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+LOCK = [line for line in (ROOT / "requirements.lock").read_text().splitlines() if not line.startswith("#")]
+WANTED = [wanted for some in (PROJECT["dependencies"], *PROJECT["optional-dependencies"].values()) for wanted in some]
+
+
+def test_lock_holds_versions_and_nothing_else():
+    for line in LOCK:
+        assert re.fullmatch(r"[A-Za-z0-9._-]+==[0-9][0-9A-Za-z.]*", line), line
+    assert len({canonicalize_name(line.partition("==")[0]) for line in LOCK}) == len(LOCK)
+
+
+@pytest.mark.parametrize("wanted", WANTED)
+def test_lock_satisfies_pyproject(wanted):
+    wanted = Requirement(wanted)
+    locked = {canonicalize_name(name): version for name, _, version in (line.partition("==") for line in LOCK)}
+    assert wanted.specifier.contains(locked[canonicalize_name(wanted.name)])
+
+
+def test_dvc_never_composes_conf_and_reports_nothing():
+    # DVC indents its sections; configparser would read that as continuation lines
+    config = configparser.ConfigParser()
+    config.read_string("\n".join(line.strip() for line in (ROOT / ".dvc/config").read_text().splitlines()))
+    assert not config.getboolean("hydra", "enabled")
+    assert not config.getboolean("core", "analytics")
+    assert not config.getboolean("core", "autostage")
+
+
+@pytest.fixture
+def workplace(tmp_path, monkeypatch):
+    """A directory with the repository's params.yaml, as the current one."""
+    shutil.copy(ROOT / "params.yaml", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def without(monkeypatch):
+    """Hides a system library from the dynamic linker."""
+
+    def hide(*libraries):
+        def load(name):
+            if name in libraries:
+                raise OSError(f"{name}: cannot open shared object file")
+
+        monkeypatch.setattr(ctypes, "CDLL", load)
+        monkeypatch.setattr(sys, "platform", "linux")
+
+    return hide
+
+
+def test_check_is_silent_where_all_is_well(workplace, without):
+    without()
+    result = CliRunner().invoke(app, ["check"])
+    assert (result.exit_code, result.output) == (0, "")
+
+
+def test_check_names_the_package_of_a_missing_library(workplace, without):
+    without("libGL.so.1", "libEGL.so.1")
+    result = CliRunner().invoke(app, ["check"])
+    assert result.exit_code == 1
+    assert result.stderr == "libGL.so.1: not found; dartpy needs it: apt-get install libgl1\n"
+
+
+def test_check_asks_for_egl_where_the_renderer_needs_it(workplace, without):
+    without("libEGL.so.1")
+    file = workplace / "params.yaml"
+    file.write_text(file.read_text().replace("renderer: embree", "renderer: opengl"))
+    result = CliRunner().invoke(app, ["check"])
+    assert result.exit_code == 1
+    assert result.stderr == "libEGL.so.1: not found; camera.renderer: opengl needs it: apt-get install libegl1\n"
+
+
+def test_check_gives_every_problem_a_line(workplace, without):
+    without("libGL.so.1")
+    (workplace / "params.yaml").write_text("seed: -1\n")
+    result = CliRunner().invoke(app, ["check"])
+    assert result.exit_code == 1
+    assert [line.partition(":")[0] for line in result.stderr.splitlines()] == ["scale", "libGL.so.1"]
+
+
+def test_check_imports_nothing_that_needs_the_libraries():
+    heavy = {"dartpy", "torch", "trimesh", "moderngl", "numpy", "hydra"}
+    code = f"import sys, graspfn.cli; sys.exit(len({heavy!r} & set(sys.modules)))"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_version_is_the_projects():
+    result = CliRunner().invoke(app, ["--version"])
+    assert (result.exit_code, result.output) == (0, f"graspfn {PROJECT['version']}\n")
