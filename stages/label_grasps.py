@@ -6,10 +6,11 @@ import numpy as np
 import pandas as pd
 import trimesh
 
+from graspfn.geometry.grid import SHAPE
 from graspfn.meshes.placed import T_world_object, read_resting
 from graspfn.meshes.store import load_object
 from graspfn.params import Attempt, Declared, Gripper, Label, Physics
-from graspfn.physics.labelling import Labels, label_object
+from graspfn.physics.labelling import Labels, joined, label_object
 from graspfn.workflow.files import read_npz, write_npz, write_parquet
 from graspfn.workflow.parallel import map_objects
 from graspfn.workflow.seeds import generator
@@ -17,14 +18,21 @@ from graspfn.workflow.shards import code_digest, shard_key, shard_path, sweep
 from graspfn.workflow.stage import stage
 
 MESHES, PLACED = Path("data/objects/train"), Path("data/placed/train.parquet")
+ANGLES = SHAPE[2]  # an object is labelled in as many parts, so that one large object does not keep one core busy alone
 LABELS, ACCOUNT = Path("data/labels.npz"), Path("data/label_account.parquet")
 
 
-def label(
-    name: str, mesh: trimesh.Trimesh, T: np.ndarray, what: tuple[Label, Physics, Gripper, Attempt], seed: int
+def label_part(
+    name: str,
+    angle: int,
+    mesh: trimesh.Trimesh,
+    T: np.ndarray,
+    what: tuple[Label, Physics, Gripper, Attempt],
+    seed: int,
 ) -> Labels:
     labels, physics, gripper, attempt = what
-    return label_object(mesh, T, labels.attempts, physics, gripper, attempt, generator(seed, "label_grasps", name))
+    rng, angles = generator(seed, "label_grasps", name), slice(angle, angle + 1)
+    return label_object(mesh, T, labels.attempts, physics, gripper, attempt, rng, angles)
 
 
 @stage("label_grasps")
@@ -40,14 +48,23 @@ def main(params: Declared) -> None:
     todo = [name for name, path in shards.items() if not path.exists()]
     if len(todo) < len(shards):
         print(f"{len(shards) - len(todo)} of {len(shards)} objects were labelled before")
-    tasks = ((name, (name, load_object(MESHES, name), poses[name], what, params.seed)) for name in todo)
+    tasks = (
+        (f"{name}/{angle}", (name, angle, load_object(MESHES, name), poses[name], what, params.seed))
+        for name in todo
+        for angle in range(ANGLES)
+    )
+    parts: dict[str, dict[int, Labels]] = {name: {} for name in todo}
     failed = {}
-    for name, result in map_objects(label, tasks, len(todo), params.compute, "label"):
+    for task, result in map_objects(label_part, tasks, len(todo) * ANGLES, params.compute, "label", "angle"):
+        name, _, angle = task.rpartition("/")
         if isinstance(result, Exception):
             failed[name] = str(result)
             continue
-        account = {f"account_{key}": np.array(count) for key, count in result.account.items()}
-        write_npz(shards[name], {"successes": result.successes, **account})
+        parts[name][int(angle)] = result
+        if len(parts[name]) == ANGLES:
+            labels = joined([part for _, part in sorted(parts.pop(name).items())])
+            account = {f"account_{key}": np.array(count) for key, count in labels.account.items()}
+            write_npz(shards[name], {"successes": labels.successes, **account})
     if len(failed) > params.label.max_failed * len(shards):
         raise LabelError(f"{len(failed)} of {len(shards)} objects failed, more than label.max_failed allows: {failed}")
 

@@ -49,11 +49,7 @@ def simulated_tasks(params: Declared) -> Iterator[tuple[str, tuple[Any, ...]]]:
             }
             scene = Scene(name, placement, shift, theta, depth)
             key = f"{name}-{placement}"
-            plans = [
-                (sigma, planned)
-                for sigma in sigmas
-                for planned in plan_all(filled, functions, sigma, params.plan, camera, params.seed, key)
-            ]
+            plans = plan_all(filled, functions, sigmas, params.plan, camera, params.seed, key)
             yield key, (scene, plans, mesh, T, params.physics, params.gripper, params.attempt, camera, params.seed)
 
 

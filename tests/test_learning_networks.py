@@ -9,11 +9,11 @@ import torch
 from graspfn.learning.networks import Classifier, build_network
 from graspfn.learning.prediction import predict
 from graspfn.learning.weights import load_network, save_network
-from graspfn.params import Network
+from graspfn.params import AlexNet, Network
 
 PARAMS = {
-    "alexnet": Network("alexnet", 4, 8, 0.3, 1e-3, 0.0),
-    "fcn": Network("fcn", 4, 1, 0.0, 1e-3, 0.0),
+    "alexnet": AlexNet("alexnet", 4, 1e-3, 0.0, 8, 0.3),
+    "fcn": Network("fcn", 4, 1e-3, 0.0),
 }
 
 
@@ -69,7 +69,7 @@ def test_prior_is_what_an_empty_network_predicts(params):
 
 def test_a_cell_of_the_fcn_sees_at_least_9_cm_each_way(inputs):
     """The furthest input pixels that change the logits of the middle cell: 36 pixels of 2.5 mm are 9 cm."""
-    network = build_network(Network("fcn", 8, 1, 0.0, 1e-3, 0.0)).eval()
+    network = build_network(Network("fcn", 8, 1e-3, 0.0)).eval()
     x = torch.from_numpy(inputs[:1])[:, None].requires_grad_()
     network(x)[0, 16, 22].sum().backward()
     rows, columns = np.nonzero(x.grad[0, 0].numpy())
@@ -81,7 +81,7 @@ def test_a_cell_of_the_fcn_sees_at_least_9_cm_each_way(inputs):
 
 def test_fcn_moves_with_its_input():
     """It halves its grid twice below the cells', so that a shift by four cells is exact away from the border."""
-    network = build_network(Network("fcn", 8, 1, 0.0, 1e-3, 0.0)).eval()
+    network = build_network(Network("fcn", 8, 1e-3, 0.0)).eval()
     x = np.zeros((132, 176), np.float32)
     x[56:72, 70:90] = np.random.default_rng(0).random((16, 20))
     scores = predict(network, np.stack([x, np.roll(x, (16, -16), axis=(0, 1))]))

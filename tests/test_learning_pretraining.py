@@ -10,10 +10,10 @@ from graspfn.learning.dataset import ClassSamples
 from graspfn.learning.networks import build_network
 from graspfn.learning.pretraining import class_indices, pretrain
 from graspfn.learning.training import Resources
-from graspfn.params import Network, Noise, Pretrain
+from graspfn.params import AlexNet, Network, Noise, Pretrain
 
 CAMERA = Intrinsics(640, 480, 570.0)
-PARAMS = {"alexnet": Network("alexnet", 8, 16, 0.0, 3e-3, 1e-2), "fcn": Network("fcn", 4, 1, 0.0, 1e-2, 1e-2)}
+PARAMS = {"alexnet": AlexNet("alexnet", 8, 3e-3, 1e-2, 16, 0.0), "fcn": Network("fcn", 4, 1e-2, 1e-2)}
 
 
 @pytest.fixture(scope="module")

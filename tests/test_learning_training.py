@@ -18,11 +18,11 @@ from graspfn.learning.device import pick_device
 from graspfn.learning.networks import build_network
 from graspfn.learning.prediction import predict
 from graspfn.learning.training import Descent, Resources, TrainingError, batches, fit, grasp_loss, train
-from graspfn.params import Network, Noise, Train
+from graspfn.params import AlexNet, Network, Noise, Train
 
 CAMERA = Intrinsics(640, 480, 570.0)
-ALEXNET = Network("alexnet", 2, 4, 0.3, 1e-3, 1e-2)
-FCN = Network("fcn", 4, 1, 0.0, 1e-2, 1e-2)
+ALEXNET = AlexNet("alexnet", 2, 1e-3, 1e-2, 4, 0.3)
+FCN = Network("fcn", 4, 1e-2, 1e-2)
 DESCENT = Descent("train", 0, 1.5, 4, 1e-2, 1e-2)
 
 
@@ -167,7 +167,7 @@ def test_learns_and_the_prediction_moves_with_the_object(objects, tmp_path):
         class_frequencies = staticmethod(dataset.class_frequencies)
 
     network = build_network(FCN)
-    history = train(network, Prepared(), Train(25.0, 8, 1e9), FCN, 0, resources(tmp_path))
+    history = train(network, Prepared(), Train(25.0, 8), FCN, 0, resources(tmp_path))
     assert history["loss"][-10:].mean() < 0.5 * history["loss"][:10].mean()
     unseen = augmentation_table(images, ["c", "d"], CAMERA, 4, seed=1)
     clean = GraspSamples(images, successes, 5, unseen, CAMERA, Noise(0.0, 0.0))

@@ -17,7 +17,7 @@ from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
-from graspfn.params import Key, ParameterError, Params, validate
+from graspfn.params import Key, ParameterError, Params, section_type, validate
 
 HEADER = """\
 # Every parameter of the workflow. Edit a value here, or compose the file anew: `graspfn params GROUP=CHOICE KEY=VALUE`;
@@ -93,7 +93,7 @@ def _mapping(cls: type, values: dict[str, Any], indent: str = "") -> Iterator[st
             else:
                 for entry, inner in values[name].items():
                     yield f"  {entry}:"
-                    yield from _mapping(section, inner, "    ")
+                    yield from _mapping(section_type(section, inner), inner, "    ")
 
 
 def _section(hint: Any) -> type:

@@ -144,10 +144,16 @@ class Network:
 
     architecture: Annotated[str, Key("network architecture", one_of=("alexnet", "fcn"))]
     width: Annotated[int, Key("channels of the first convolution; deeper ones scale with it", at_least=1)]
-    hidden: Annotated[int, Key("units of the first fully-connected layer (alexnet)", at_least=1)]
-    dropout: Annotated[float, Key("dropout before each fully-connected layer (alexnet)", at_least=0, at_most=0.95)]
     learning_rate: Annotated[float, Key("peak learning rate of AdamW", above=0)]
     weight_decay: Annotated[float, Key("weight decay of AdamW", at_least=0)]
+
+
+@dataclass(frozen=True)
+class AlexNet(Network):
+    """The paper's architecture, which alone has fully-connected layers."""
+
+    hidden: Annotated[int, Key("units of the first fully-connected layer", at_least=1)]
+    dropout: Annotated[float, Key("dropout before each fully-connected layer", at_least=0, at_most=0.95)]
 
 
 @dataclass(frozen=True)
@@ -271,6 +277,15 @@ def _typed(hint: Any, value: Any, key: str) -> Any:
     return value
 
 
+def section_type(cls: type, values: dict[str, Any]) -> type:
+    """The dataclass that a section's values fill: a network's depends on its architecture."""
+    if cls is not Network:
+        return cls
+    architecture = values.get("architecture")
+    # An entry whose architecture is missing or misspelt is checked as what its other keys make it.
+    return AlexNet if architecture == "alexnet" or (architecture != "fcn" and "hidden" in values) else Network
+
+
 def build(cls: type[T], values: Any, key: str = "") -> T:
     """A parameter dataclass from a mapping of plain values.
 
@@ -279,6 +294,7 @@ def build(cls: type[T], values: Any, key: str = "") -> T:
     prefix = f"{key}." if key else ""
     if not isinstance(values, dict):
         raise ParameterError(f"{key or 'params.yaml'}: takes a mapping, not {values!r}")
+    cls = section_type(cls, values)
     hints = typing.get_type_hints(cls, include_extras=True)
     for name in values:
         if name not in hints:
@@ -295,10 +311,6 @@ def validate(values: Any) -> Params:
     for name in params.networks:
         if name not in params.network:
             raise ParameterError(f"networks: {name!r} is not a key of `network` ({', '.join(params.network)})")
-    for section in ("meshes", "robot"):
-        part = getattr(params, section)
-        if part.source == "folder" and not Path(part.folder).is_dir():
-            raise ParameterError(f"{section}.folder: {part.folder!r} is not a directory")
     if params.meshes.size_max_cm < params.meshes.size_min_cm:
         raise ParameterError("meshes.size_max_cm: below meshes.size_min_cm")
     if len(params.robot.sigma_uv_mm) != len(params.robot.sigma_theta_deg):

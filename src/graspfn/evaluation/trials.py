@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,23 +53,28 @@ class Planned:
 def plan_all(
     depth: np.ndarray,
     functions: Mapping[str, np.ndarray],
-    sigma: Sigma,
+    sigmas: Sequence[Sigma],
     plan: Plan,
     intrinsics: Intrinsics,
     seed: int,
     name: str,
-) -> list[Planned]:
-    """The pose of every method for one image.
+) -> list[tuple[Sigma, Planned]]:
+    """The pose of every method for one image under every uncertainty.
 
     depth: (480, 640) as the camera gives it, holes filled; functions: (33, 44, 6) per network. Ties are drawn by
     (seed, name).
     """
-    planned = [Planned("Centroid", "", centroid_grasp(depth, intrinsics))]
+    unaware = [Planned("Centroid", "", centroid_grasp(depth, intrinsics))]
     for network, f in functions.items():
-        best = best_grasp(f, generator(seed, "plan", name, network))
-        robust = robust_best_grasp(f, sigma.uv_m, sigma.theta_rad, plan, generator(seed, "plan", name, network))
-        planned += [Planned("Best Grasp", network, best), Planned("Robust Best Grasp", network, robust)]
-    return planned
+        unaware.append(Planned("Best Grasp", network, best_grasp(f, generator(seed, "plan", name, network))))
+    plans = []
+    for sigma in sigmas:
+        plans += [(sigma, planned) for planned in unaware]
+        for network, f in functions.items():
+            rng = generator(seed, "plan", name, network)
+            q = robust_best_grasp(f, sigma.uv_m, sigma.theta_rad, plan, rng)
+            plans.append((sigma, Planned("Robust Best Grasp", network, q)))
+    return plans
 
 
 class Bench:
@@ -96,28 +101,27 @@ def trials_of_object(
     shift_uv: np.ndarray,
     theta: float,
     functions: Mapping[str, np.ndarray],
-    sigmas: list[Sigma],
+    sigmas: Sequence[Sigma],
     plan: Plan,
     intrinsics: Intrinsics,
     seed: int,
 ) -> list[dict[str, Any]]:
     """One trial per method and uncertainty. The methods of a cell share the gripper's error, and so are paired."""
     rows = []
-    for sigma in sigmas:
-        for planned in plan_all(depth, functions, sigma, plan, intrinsics, seed, name):
-            reached = sigma.reached(planned.q, generator(seed, "evaluate", name, sigma.uv_mm, sigma.theta_deg))
-            outcome = bench.grasp(reached, shift_uv, theta)
-            rows.append(
-                {
-                    "id": name,
-                    "method": planned.method,
-                    "network": planned.network,
-                    "sigma_uv_mm": sigma.uv_mm,
-                    "sigma_theta_deg": sigma.theta_deg,
-                    **dict(zip(("u_m", "v_m", "theta_rad"), planned.q.tolist(), strict=True)),
-                    **dict(zip(("reached_u_m", "reached_v_m", "reached_theta_rad"), reached.tolist(), strict=True)),
-                    "success": outcome is Outcome.HELD,
-                    "outcome": outcome.value,
-                }
-            )
+    for sigma, planned in plan_all(depth, functions, sigmas, plan, intrinsics, seed, name):
+        reached = sigma.reached(planned.q, generator(seed, "evaluate", name, sigma.uv_mm, sigma.theta_deg))
+        outcome = bench.grasp(reached, shift_uv, theta)
+        rows.append(
+            {
+                "id": name,
+                "method": planned.method,
+                "network": planned.network,
+                "sigma_uv_mm": sigma.uv_mm,
+                "sigma_theta_deg": sigma.theta_deg,
+                **dict(zip(("u_m", "v_m", "theta_rad"), planned.q.tolist(), strict=True)),
+                **dict(zip(("reached_u_m", "reached_v_m", "reached_theta_rad"), reached.tolist(), strict=True)),
+                "success": outcome is Outcome.HELD,
+                "outcome": outcome.value,
+            }
+        )
     return rows

@@ -9,6 +9,7 @@ from torch.nn import functional
 
 from graspfn.geometry.grid import SHAPE
 from graspfn.learning.dataset import CLASSES
+from graspfn.params import AlexNet as AlexNetParams
 from graspfn.params import Network
 from graspfn.workflow.seeds import seed_of
 
@@ -142,6 +143,6 @@ def build_network(params: Network, seed: int = 0) -> GraspNetwork:
     """An untrained network; its weights are drawn from the seed."""
     with torch.random.fork_rng():
         torch.manual_seed(seed_of(seed, "weights", params.architecture))
-        if params.architecture == "alexnet":
+        if isinstance(params, AlexNetParams):
             return AlexNet(params.width, params.hidden, params.dropout)
         return FCN(params.width)

@@ -38,7 +38,7 @@ Watcher = Callable[[Frame], None]
 CHECK_S = 0.010  # states are looked at this often
 STILL_S = 0.050  # fingers and object still for so long: the rest of the closing changes nothing
 LOST_S = 0.060  # no touch for so long while the hand rises: the hand has left 6 mm behind
-RIGID_S = 0.200  # object and hand moved as one for so long, off the table: nothing pulls them apart later
+RIGID_S = 0.120  # object and hand moved as one for so long, off the table: nothing pulls them apart later
 STILL_M_S, STILL_RAD_S = 2e-3, 4e-2
 
 

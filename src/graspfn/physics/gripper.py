@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from graspfn.params import Gripper
+from graspfn.params import Gripper, ParameterError
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,5 @@ def _angle_of_tip(knuckle_x: float, length: float, thickness: float, tip_x: floa
     amplitude = np.hypot(length, thickness / 2)
     ratio = (knuckle_x - tip_x) / amplitude
     if abs(ratio) > 1:
-        raise ValueError(
-            "gripper: the fingers are too short for opening_mm and knuckle_mm; take a larger finger_length_mm"
-        )
+        raise ParameterError("gripper.finger_length_mm: too short a finger for opening_mm and knuckle_mm")
     return float(np.arcsin(ratio) - np.arctan2(thickness / 2, length))

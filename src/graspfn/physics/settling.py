@@ -52,6 +52,7 @@ def settle(mesh: trimesh.Trimesh, physics: Physics, settling: Settle, rng: np.ra
             slow = np.abs(linear).max() < REST_M_S and np.abs(angular).max() < REST_RAD_S
             rest = rest + LOOK_S if slow else 0.0
             if rest >= REST_S:
+                T[2, 3] -= world.lowest_point()  # the solver lets a landing body sink in by a fraction of a millimetre
                 return Settled(RESTING, centred(mesh, T))
     except Diverged as error:
         return Settled(str(error), T)

@@ -166,8 +166,8 @@ def _scenes(inputs: ReportInputs) -> Iterator[Plate]:
         film, shots = inputs.film, []
         toward = np.array([np.cos(film.q[2]), -np.sin(film.q[2])])  # the closing direction, in world x, y
         across = np.array([toward[1], -toward[0]])
-        x, y = film.q[0] + 0.9 * across[0] + 0.45 * toward[0], -film.q[1] + 0.9 * across[1] + 0.45 * toward[1]
-        view = View((x, y, 0.62), (film.q[0], -film.q[1], 0.165), 0.34, 330, 500)
+        x, y = film.q[0] + 1.0 * across[0] + 0.5 * toward[0], -film.q[1] + 1.0 * across[1] + 0.5 * toward[1]
+        view = View((x, y, 0.6), (film.q[0], -film.q[1], 0.165), 0.30, 330, 480)
         for shot in film.shots:
             parts = [(film.mesh.copy().apply_transform(shot.T_world_object), OBJECT_COLOUR)]
             for (T, size), colour in zip(shot.boxes, (PALM_COLOUR, FINGER_COLOUR, FINGER_COLOUR), strict=True):
@@ -179,11 +179,11 @@ def _scenes(inputs: ReportInputs) -> Iterator[Plate]:
             "rises at constant speed. Lines on the table are 5 cm apart.",
             figures_scenes.draw_simulated_grasp(shots),
         )
-    view = View((0.32, -0.52, 0.52), (0.0, 0.0, 0.03), 0.25, 190, 190)
+    view = View((0.32, -0.52, 0.52), (0.0, 0.0, 0.02), 0.28, 190, 190)
     views = []
     for name, mesh, T in inputs.objects:
         parts = [(mesh.copy().apply_transform(T), OBJECT_COLOUR)]
-        views.append((name, render_scene(parts, view)))
+        views.append((name.replace("_", " "), render_scene(parts, view)))
     yield Plate(
         "objects",
         f"{len(views)} of the training objects as they came to rest, at one scale: lines on the table are 5 cm apart.",

@@ -1,4 +1,4 @@
-"""Figures of grasp functions: lines over depth images, as thick as the score of their pose (paper, Figs. 1, 4 and 9)."""
+"""Figures of grasp functions: lines over depth images, as thick as their score (paper, Figs. 1, 4 and 9)."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def draw_grasp_function(depth: np.ndarray, f: np.ndarray, camera: Intrinsics) ->
 @styled
 def draw_training_example(depth: np.ndarray, noisy: np.ndarray, f: np.ndarray, camera: Intrinsics) -> Figure:
     """a: noise-free depth; b: zoomed, with noise; c: the labelled grasp function f (33, 44, 6); d: coarser."""
-    figure = new_figure(WIDE_IN, 2.15)
+    figure = new_figure(WIDE_IN, 1.95)
     window = window_round(depth, camera)
     a, b, c, d = figure.subplots(1, 4, width_ratios=[4 / 3, 1, 1, 1])
     show_depth(a, depth, camera)
@@ -161,7 +161,10 @@ def draw_summary_1d(u_mm: np.ndarray, f: np.ndarray, smoothed: np.ndarray, sigma
         peak = int(np.argmax(values))
         axes.plot([u_mm[peak]] * 2, [0, values[peak]], color=colour, linewidth=0.8, linestyle=":")
         axes.plot(u_mm[peak], values[peak], marker, color=colour, markersize=7, label="its maximum")
-    axes.set(xlabel="u (mm)", ylabel="score", ylim=(0, 1.05), xlim=(u_mm[0], u_mm[-1]))
+    axes.set(xlabel="u (mm)", ylabel="score", ylim=(0, 1.05))
+    support = u_mm[(f > 0) | (smoothed > 0.01)]
+    if len(support):
+        axes.set_xlim(support[0] - 10, support[-1] + 10)
     handles, labels = axes.get_legend_handles_labels()
     order = [0, 2, 1, 3]
     figure.legend([handles[i] for i in order], [labels[i] for i in order], loc="outside upper center", ncols=2)

@@ -19,8 +19,8 @@ from graspfn.reporting.style import (
     new_figure,
     scale_bar,
     show_depth,
+    square,
     styled,
-    window_round,
 )
 
 
@@ -34,10 +34,15 @@ class ExecutedGrasp:
     reached: np.ndarray
 
 
+def short(name: str, most: int = 24) -> str:
+    """A name that fits over a panel: its middle left out where it is long."""
+    return name if len(name) <= most else f"{name[: most // 2 - 1]}…{name[-(most // 2 - 2) :]}"
+
+
 @styled
 def draw_noise(depth: np.ndarray, noisy: np.ndarray, camera: Intrinsics) -> Figure:
     """A depth image (480, 640) without noise, with noise, and 4 cm at the object's edge enlarged in both."""
-    figure = new_figure(WIDE_IN, 1.85)
+    figure = new_figure(WIDE_IN, 1.75)
     rows, columns = np.nonzero(camera.table_depth - depth > 0.003)
     # About the object's uppermost pixel in the image, where there is an edge to see.
     u, v = camera.pixel_to_table(np.array([columns[0], rows[0]])) * 1000 if len(rows) else (0.0, 0.0)
@@ -61,9 +66,9 @@ def draw_noise(depth: np.ndarray, noisy: np.ndarray, camera: Intrinsics) -> Figu
 def draw_inpainting(raw: np.ndarray, filled: np.ndarray, camera: Intrinsics, simulated: bool) -> Figure:
     """A recorded depth image (480, 640), metres, as it came (0 or NaN: no depth) and after hole filling."""
     figure = new_figure(WIDE_IN * 0.85, 2.55)
-    robot = "simulated robot" if simulated else "robot"
+    robot = "Simulated robot" if simulated else "Robot"
     holes = 100 * float(np.mean(~np.isfinite(raw) | (raw <= 0)))
-    titles = (f"recorded by a {robot} ({holes:.1f}% without depth, in blue)", "holes filled")
+    titles = (f"{robot}: {holes:.1f}% without depth (blue)", "holes filled")
     for axes, image, title in zip(figure.subplots(1, 2), (raw, filled), titles, strict=True):
         show_depth(axes, image, camera)
         scale_bar(axes)
@@ -81,11 +86,10 @@ def draw_example_grasps(
     figure = new_figure(max(1.75 * columns, COLUMN_IN), 1.9 * rows + 0.6)
     places = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes, grasp in zip(places, grasps, strict=False):
-        u, v = grasp.commanded[:2] * 1000
-        show_depth(axes, grasp.depth, camera, (u - 100, u + 100, v - 100, v + 100))
+        show_depth(axes, grasp.depth, camera, square(grasp.commanded[:2] * 1000, 100, camera))
         add_pose(axes, grasp.reached, opening_mm, BEST, 1.2, linestyle=(0, (4, 1.5)))
         add_pose(axes, grasp.commanded, opening_mm, ROBUST, 1.6)
-        axes.set_title(grasp.name, fontsize=8)
+        axes.set_title(short(grasp.name), fontsize=8)
     scale_bar(places[0])
     for axes in places[len(grasps) :]:
         axes.set_visible(False)

@@ -105,7 +105,7 @@ def draw_label_outcomes(account: pd.DataFrame) -> Figure:
     axes.invert_yaxis()
     axes.set(xlim=(0, min(1.25, shares.max() * 1.3 + 0.05)), xlabel="share of simulated attempts")
     axes.set_title(
-        f"{simulated:,} attempts simulated; {culled:,} more that provably touch nothing were not",
+        f"{simulated:,} simulated; {culled:,} that touch nothing were not",
         fontsize=8,
         loc="left",
     )

@@ -14,8 +14,8 @@ import trimesh
 from graspfn.geometry.camera import Intrinsics
 from graspfn.imaging.holes import fill_holes
 from graspfn.imaging.noise import observe
+from graspfn.meshes.placed import T_world_object, read_resting
 from graspfn.meshes.store import load_object, read_manifest
-from graspfn.physics.placed import T_world_object, read_resting
 from graspfn.reporting.figures_images import ExecutedGrasp
 from graspfn.reporting.film import Film, film_grasp
 from graspfn.reporting.parameters import Parameter, flat_parameters
@@ -58,8 +58,9 @@ class Recorded:
 class ReportInputs:
     """Everything a report shows. Tables have the columns of the stage that wrote them.
 
-    manifests and placed: by split. rejects (split, name, reason): meshes turned down, None where it was not recorded.
-    objects: (id, mesh, T_world_object) of some settled objects. stage_seconds: how long each stage took, NaN unknown.
+    manifests and placed: by split. rejects (split, name, reason): meshes turned down.
+    objects: (class, mesh, T_world_object) of some settled objects. stage_seconds: how long each stage took,
+    for those where it is known.
     params: the sections of params.yaml, but for compute.
     """
 
@@ -68,7 +69,7 @@ class ReportInputs:
     camera: Intrinsics
     manifests: Mapping[str, pd.DataFrame]
     placed: Mapping[str, pd.DataFrame]
-    rejects: pd.DataFrame | None
+    rejects: pd.DataFrame
     account: pd.DataFrame
     pretraining: Mapping[str, pd.DataFrame]
     training: Mapping[str, pd.DataFrame]
@@ -147,8 +148,8 @@ def _recorded(data: Path, trials: pd.DataFrame, params: Any) -> Recorded:
 
 def _objects(data: Path) -> tuple[tuple[str, trimesh.Trimesh, np.ndarray], ...]:
     placed = read_resting(data / "placed/train.parquet")
-    rows = [placed.iloc[position] for position in spread(placed["class"], SHOWN_OBJECTS)]
-    return tuple((row["id"], load_object(data / "objects/train", row["id"]), T_world_object(row)) for row in rows)
+    rows = [placed.iloc[position].to_dict() for position in spread(placed["class"], SHOWN_OBJECTS)]
+    return tuple((row["class"], load_object(data / "objects/train", row["id"]), T_world_object(row)) for row in rows)
 
 
 def _histories(folder: Path, networks: tuple[str, ...]) -> dict[str, pd.DataFrame]:
@@ -160,14 +161,13 @@ def load_inputs(data: Path, params: Any, stage_seconds: Mapping[str, float]) -> 
     labels = read_npz(data / "labels.npz")
     labelled = _labelled(data, labels, params)
     robot_trials = pd.read_parquet(data / "robot_trials.parquet")
-    rejects = data / "objects/rejects.parquet"
     return ReportInputs(
         params=params,
         parameters=flat_parameters(params),
         camera=Intrinsics.from_params(params.camera),
         manifests={split: read_manifest(data / "objects" / split) for split in SPLITS},
         placed={split: pd.read_parquet(data / "placed" / f"{split}.parquet") for split in SPLITS},
-        rejects=pd.read_parquet(rejects) if rejects.exists() else None,
+        rejects=pd.read_parquet(data / "objects/rejects.parquet"),
         account=pd.read_parquet(data / "label_account.parquet"),
         pretraining=_histories(data / "pretrained", params.networks),
         training=_histories(data / "networks", params.networks),

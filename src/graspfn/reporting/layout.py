@@ -97,6 +97,13 @@ def _headings(layout: Layout) -> list[str]:
     return [f"{group}, {column}" if group else column for group, columns in layout.groups for column in columns]
 
 
+def _narrow(layout: Layout) -> tuple[str, list[str]]:
+    """Heading of the first column and of the others, where many stand under a group: bare numbers, the unit once."""
+    if not any(group for group, _ in layout.groups):
+        return "Method", layout.columns
+    return "Method (σuv in mm)", [c.removeprefix("σuv = ").removesuffix(" mm") for c in layout.columns]
+
+
 def to_markdown(layout: Layout) -> str:
     """A Markdown table, its interval under every rate, the caption below."""
     lines = ["| Method | " + " | ".join(_headings(layout)) + " |", "|---" + "|---:" * len(layout.columns) + "|"]
@@ -122,17 +129,14 @@ def tex_escape(text: str) -> str:
 
 def to_tex(layout: Layout, label: str) -> str:
     """A table* for a document with booktabs and multirow: two lines for each of our rows, the interval below."""
-    count = len(layout.columns)
     spec = "l" + "".join("@{\\quad}" + "c" * len(columns) for _, columns in layout.groups)
     lines = [r"\begin{table*}", r"\centering", r"\scriptsize", r"\setlength{\tabcolsep}{2pt}"]
     lines += [rf"\begin{{tabular}}{{{spec}}}", r"\toprule"]
     if any(group for group, _ in layout.groups):
         spans = [rf"\multicolumn{{{len(columns)}}}{{c}}{{{tex_escape(group)}}}" for group, columns in layout.groups]
         lines.append(" & ".join(["", *spans]) + r" \\")
-    # The unit stands in the caption's symbols once; sixteen headings with it would not fit a page.
-    short = [c.removesuffix(" mm") if count > 4 else c for c in layout.columns]
-    short = [c.removeprefix("σuv = ") if count > 4 and i else c for i, c in enumerate(short)]
-    lines += [" & ".join(["Method", *map(tex_escape, short)]) + r" \\"]
+    first, columns = _narrow(layout)
+    lines += [" & ".join(map(tex_escape, [first, *columns])) + r" \\"]
     for row in layout.rows:
         if row.first:
             lines.append(r"\midrule")
@@ -163,8 +167,9 @@ def to_html(layout: Layout) -> str:
         lines.append(f"<tr><th></th>{spans}</tr>")
     starts = {sum(len(columns) for _, columns in layout.groups[:i]) for i in range(len(layout.groups))}
     edge = [" class='start'" if i in starts else "" for i in range(len(layout.columns))]
-    headings = "".join(f"<th{edge[i]}>{_symbols(name)}</th>" for i, name in enumerate(layout.columns))
-    lines.append(f"<tr><th class='name'>Method</th>{headings}</tr></thead><tbody>")
+    first, columns = _narrow(layout)
+    headings = "".join(f"<th{edge[i]}>{_symbols(name)}</th>" for i, name in enumerate(columns))
+    lines.append(f"<tr><th class='name'>{_symbols(first)}</th>{headings}</tr></thead><tbody>")
     for row in layout.rows:
         kind = " ".join(["ours" if row.ours else "paper", *(["first"] if row.first else [])])
         cells = "".join(

@@ -71,7 +71,7 @@ def _labels(account: pd.DataFrame, label_attempts: int) -> dict[str, float]:
     done = account[list(OUTCOMES)].sum()
     simulated, culled = int(done.sum()), int(account["culled"].sum())
     return {
-        "objects": int((account["status"] == "labelled").sum()) if "status" in account else len(account),
+        "objects": int((account["status"] == "labelled").sum()),
         "attempts_per_pose": label_attempts,
         "attempts": simulated + culled,
         "held_share_of_all": float(done["held"] / max(simulated + culled, 1)),

@@ -13,7 +13,8 @@ import pandas as pd
 from markupsafe import Markup
 
 from graspfn.evaluation.statistics import Difference, Proportion, proportion
-from graspfn.physics.settling import RESTING
+from graspfn.meshes.cleaning import HULL_MASS
+from graspfn.meshes.placed import RESTING
 from graspfn.reporting import layout
 from graspfn.reporting.figures import best_network
 from graspfn.reporting.figures_results import OUTCOMES
@@ -121,15 +122,12 @@ def counts(inputs: ReportInputs) -> list[tuple[str, str]]:
         rows.append(
             (
                 f"{split} objects whose mass is their convex hull's",
-                f"{int((manifest['cleaning'] == 'hull mass').sum()):,}",
+                f"{int((manifest['cleaning'] == HULL_MASS).sum()):,}",
             )
         )
-    if inputs.rejects is None:
-        rows.append(("meshes rejected", DASH))
-    else:
-        rows.append(("meshes rejected", f"{len(inputs.rejects):,}"))
-        for reason, count in inputs.rejects["reason"].value_counts().sort_index().items():
-            rows.append((f"meshes rejected: {reason}", f"{count:,}"))
+    rows.append(("meshes rejected", f"{len(inputs.rejects):,}"))
+    for reason, count in inputs.rejects["reason"].value_counts().sort_index().items():
+        rows.append((f"meshes rejected: {reason}", f"{count:,}"))
     account = inputs.account
     labelled = account["status"] == "labelled"
     rows.append(("objects labelled", f"{int(labelled.sum()):,}"))
@@ -205,6 +203,6 @@ def render_page(
         versions=versions(),
         parameters=inputs.parameters,
         recorded=who_recorded(inputs.robot_trials),
-        objects=len(inputs.placed["train"]),
+        objects=int((inputs.account["status"] == "labelled").sum()),
         tested=inputs.trials["id"].nunique(),
     )

@@ -11,9 +11,10 @@ import trimesh
 Part = tuple[trimesh.Trimesh, tuple[float, float, float]]  # a mesh in world coordinates and its colour
 
 LIGHT = np.array([-0.35, -0.55, 0.76]) / np.linalg.norm([-0.35, -0.55, 0.76])  # towards the light
-AMBIENT = 0.42
+AMBIENT = 0.5
 TABLE = np.array([0.93, 0.92, 0.90])
 GRID_M, GRID_LINE_M = 0.05, 0.0008  # thin lines on the table every 5 cm give the scale
+GRID_REACH_M = 0.6
 SAMPLES = 2  # rays per pixel along each side
 GAP_M = 1e-4  # a shadow ray starts this far off the surface
 SMOOTH_RAD = np.radians(28)  # faces that meet at less look like one curved surface
@@ -78,7 +79,9 @@ def _shade_mesh(
 def _shade_table(mesh: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
     """Colours (n, 3) of points (n, 3) on the table."""
     to_line = np.abs((points[:, :2] + GRID_M / 2) % GRID_M - GRID_M / 2).min(axis=1)
-    colour = TABLE * np.where(to_line < GRID_LINE_M, 0.86, 1.0)[:, None]
+    # Lines fade with the distance from the world's origin, before they are finer than a pixel.
+    strength = 0.14 * (1 - np.linalg.norm(points[:, :2], axis=1) / GRID_REACH_M).clip(0, 1)
+    colour = TABLE * (1 - np.where(to_line < GRID_LINE_M, strength, 0.0))[:, None]
     shadow = _in_shadow(mesh, points, np.tile([0, 0, 1.0], (len(points), 1)))
     return colour * np.where(shadow, 0.66, 1.0)[:, None]
 

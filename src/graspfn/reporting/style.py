@@ -37,6 +37,8 @@ RC: Any = {
     "lines.linewidth": 1.4,
     "lines.markersize": 5,
     "legend.frameon": False,
+    "figure.constrained_layout.h_pad": 0.06,
+    "figure.constrained_layout.w_pad": 0.06,
     "figure.dpi": DPI,
     "savefig.dpi": DPI,
     "pdf.fonttype": 42,
@@ -49,7 +51,7 @@ SCORE = "#B2182B"  # lines of a grasp function
 ROBUST = "#D7191C"
 BEST = "#0072B2"
 PAPER = "0.6"
-NEAR_GREY_M = 0.12  # heights above this are as dark as it gets
+DARKEST_M = 0.15  # heights above this are as dark as it gets
 
 
 def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
@@ -106,7 +108,8 @@ def show_depth(axes: Axes, depth: np.ndarray, camera: Intrinsics, window_mm: tup
     window_mm: (u low, u high, v low, v high) to show.
     """
     height = camera.table_depth - depth
-    grey = np.clip(0.96 - 0.62 * height / NEAR_GREY_M, 0.34, 1.0)
+    # The square root gives low objects and the noise of the table their share of the greys.
+    grey = np.clip(0.95 - 0.62 * np.sign(height) * np.sqrt(np.abs(height) / DARKEST_M), 0.33, 1.0)
     rgb = np.repeat(grey[..., None], 3, axis=-1)
     rgb[~np.isfinite(depth) | (depth <= 0)] = (0.10, 0.20, 0.50)
     edges = np.array([[-0.5, -0.5], [camera.width - 0.5, camera.height - 0.5]])
@@ -134,5 +137,12 @@ def window_round(depth: np.ndarray, camera: Intrinsics, margin_mm: float = 35.0)
         return -80.0, 80.0, -80.0, 80.0
     corners = np.array([[columns.min(), rows.min()], [columns.max(), rows.max()]])
     low, high = camera.pixel_to_table(corners) * 1000
-    middle, half = (low + high) / 2, max((high - low).max() / 2 + margin_mm, 60.0)
-    return middle[0] - half, middle[0] + half, middle[1] - half, middle[1] + half
+    return square((low + high) / 2, max((high - low).max() / 2 + margin_mm, 60.0), camera)
+
+
+def square(centre_mm: np.ndarray, half_mm: float, camera: Intrinsics) -> tuple[float, float, float, float]:
+    """A square (u low, u high, v low, v high) [mm] about a point (2,), moved as little as keeps it in the image."""
+    reach = np.abs(camera.pixel_to_table(np.array([-0.5, -0.5]))) * 1000
+    half = min(half_mm, float(reach.min()))
+    u, v = np.clip(centre_mm, half - reach, reach - half)
+    return float(u - half), float(u + half), float(v - half), float(v + half)

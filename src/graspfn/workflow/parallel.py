@@ -26,6 +26,8 @@ def cluster(compute: Compute) -> Iterator[Client]:
         {
             "distributed.scheduler.allowed-failures": ATTEMPTS_PER_TASK - 1,
             "distributed.worker.daemon": True,
+            # The statistical profiler takes the interpreter lock a hundred times a second from the thread that steps.
+            "distributed.worker.profile.enabled": False,
             "distributed.logging.distributed": "error",
             "distributed.comm.timeouts.connect": "60s",
             "distributed.scheduler.work-stealing": True,
@@ -38,7 +40,7 @@ def cluster(compute: Compute) -> Iterator[Client]:
         workers = compute.workers or os.cpu_count() or 1
         with (
             LocalCluster(
-                n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+                n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50
             ) as local,
             Client(local) as client,
         ):
@@ -46,7 +48,12 @@ def cluster(compute: Compute) -> Iterator[Client]:
 
 
 def map_objects(
-    function: Callable[..., Any], tasks: Iterable[tuple[str, tuple[Any, ...]]], total: int, compute: Compute, label: str
+    function: Callable[..., Any],
+    tasks: Iterable[tuple[str, tuple[Any, ...]]],
+    total: int,
+    compute: Compute,
+    label: str,
+    unit: str = "object",
 ) -> Iterator[tuple[str, Any | Exception]]:
     """`function(*arguments)` of every (name, arguments) as each is done, in any order: (name, result or exception).
 
@@ -54,7 +61,7 @@ def map_objects(
     """
     if total == 0:
         return
-    with cluster(compute) as client, tqdm(total=total, desc=label, unit="object", smoothing=0.1) as bar:
+    with cluster(compute) as client, tqdm(total=total, desc=label, unit=unit, smoothing=0.1) as bar:
         # Three tasks in flight per worker: enough to keep it busy, few enough that a long list costs no memory.
         waiting = iter(tasks)
         names: dict[Any, str] = {}

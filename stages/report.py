@@ -1,0 +1,17 @@
+"""Tables, figures and the page, from what the stages before wrote."""
+
+from pathlib import Path
+
+from graspfn.params import Declared
+from graspfn.reporting.inputs import load_inputs
+from graspfn.reporting.report import write_report
+from graspfn.workflow.stage import stage, timings
+
+
+@stage("report")
+def main(params: Declared) -> None:
+    write_report(load_inputs(Path("data"), params, timings()), Path("reports"))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,259 @@
+"""The whole report of a tiny made-up workflow: two boxes to train on, two to test on, one network."""
+
+import dataclasses
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import trimesh
+
+from graspfn.geometry import grid
+from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.render import render_depth
+from graspfn.meshes.placed import T_world_object, placed_row, write_placed
+from graspfn.meshes.store import write_objects
+from graspfn.params import read_yaml, validate
+from graspfn.reporting import figures, page, shading
+from graspfn.reporting.inputs import example_label, load_inputs, spread
+from graspfn.reporting.page import Picture
+from graspfn.reporting.report import write_report
+from graspfn.robot.analyse import analyse
+from graspfn.robot.read import recordings
+from graspfn.robot.record import write_trial
+from graspfn.robot.trial import Condition, TrialRecording
+from graspfn.workflow.files import write_npz, write_parquet
+
+ROOT = Path(__file__).parents[1]
+SIGMAS = ((5.0, 10.0), (20.0, 10.0))
+
+
+def plans():
+    return [("Centroid", ""), ("Best Grasp", "fcn"), ("Robust Best Grasp", "fcn")]
+
+
+def write_split(data, split, camera):
+    boxes, rows = [], []
+    for i in range(2):
+        name, height = f"made-box-{split}-{i}", 0.03 + 0.01 * i
+        mesh = trimesh.creation.box([0.12, 0.03, height])
+        row = {"id": name, "source": "made", "name": name, "class": f"box_{i}", "scale": 1.0, "size_m": 0.12}
+        row |= {"volume_m3": mesh.volume, "watertight": True, "faces": 12, "cleaning": "", "seed_index": i}
+        boxes.append((row, mesh))
+        T = np.eye(4)
+        T[2, 3] = height / 2
+        rows.append(placed_row(name, row["class"], "resting", T))
+    rows.append(placed_row("made-ball", "ball", "rolled away", np.eye(4)))
+    write_objects(data / "objects" / split, boxes)
+    placed = write_placed(data / "placed" / f"{split}.parquet", rows)
+    resting = placed[placed["status"] == "resting"].to_dict("records")
+    images = [render_depth(mesh, T_world_object(row), camera) for (_, mesh), row in zip(boxes, resting, strict=True)]
+    (data / "images").mkdir(exist_ok=True)
+    np.save(data / f"images/{split}.npy", np.stack(images))
+    index = [{"row": i, "id": row["id"], "class": row["class"]} for i, row in enumerate(resting)]
+    write_parquet(data / f"images/{split}.parquet", pd.DataFrame(index))
+    return [row["id"] for row in resting], images
+
+
+def write_data(data, params):
+    camera = Intrinsics.from_params(params.camera)
+    rejects = pd.DataFrame([{"split": "train", "name": "sheet", "reason": "flat"}])
+    write_parquet(data / "objects/rejects.parquet", rejects)
+    trained, _ = write_split(data, "train", camera)
+    tested, images = write_split(data, "test", camera)
+    f = np.zeros((2, *grid.SHAPE))
+    f[:, 15:18, 19:25, 3] = 1.0  # across the long side
+    f[1, 15:18, 18, 3] = 0.4
+    successes = (5 * f).astype(np.uint8)
+    write_npz(data / "labels.npz", {"ids": np.array(trained), "successes": successes, "attempts": np.array(5)})
+    ended = {"culled": 40000, "held": 90, "collided": 10, "missed": 20, "left": 30, "diverged": 1}
+    write_parquet(
+        data / "label_account.parquet", pd.DataFrame([{"id": i, "status": "labelled"} | ended for i in trained])
+    )
+    write_npz(data / "functions/fcn.npz", {"ids": np.array(tested), "scores": f.astype(np.float32)})
+    for folder, steps in (("pretrained", 0), ("networks", 20)):
+        (data / folder / "fcn").mkdir(parents=True)
+        step = np.arange(steps)
+        table = pd.DataFrame({"step": step, "epoch": step / 10, "learning_rate": 1e-3, "loss": 1 / (1 + step)})
+        table.to_csv(data / folder / "fcn/history.csv", index=False)
+    rows = [
+        {"id": name, "method": method, "network": network, "sigma_uv_mm": uv, "sigma_theta_deg": theta}
+        | {"success": method != "Best Grasp" or uv < 10}
+        for name in tested
+        for uv, theta in SIGMAS
+        for method, network in plans()
+    ]
+    write_parquet(data / "trials.parquet", pd.DataFrame(rows))
+    (data / "recordings").mkdir()
+    rng = np.random.default_rng(0)
+    for i, (uv, theta) in enumerate(SIGMAS):
+        for k, (name, depth) in enumerate(zip(tested, images, strict=True)):
+            for method, network in plans():
+                condition = Condition(name, "0", method, network, uv, theta, simulated=True)
+                q = np.array([0.0, 0.0, np.pi / 2])
+                holes = np.where(rng.random(depth.shape) < 0.01, np.nan, depth).astype(np.float32)
+                reached = q + rng.normal(0, 0.01, 3)
+                joints = (("hand",), np.zeros(1), np.zeros((1, 1)))
+                trial = TrialRecording(condition, holes, camera.matrix, q, reached, *joints, success=True)
+                path = data / f"recordings/{i}-{k}-{method.replace(' ', '')}.mcap"
+                write_trial(path, trial, params.topics, "32FC1")
+    trials, estimates = analyse(recordings(data / "recordings"), params.topics)
+    write_parquet(data / "robot_trials.parquet", trials)
+    write_parquet(data / "robot_uncertainty.parquet", estimates)
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    values = read_yaml(ROOT / "params.yaml")
+    values |= {"networks": ["fcn"], "scale": "made <up> & tiny"}
+    params = validate(values)
+    data = tmp_path_factory.mktemp("workflow") / "data"
+    data.mkdir()
+    write_data(data, params)
+    return load_inputs(data, params, {"evaluate": 75.0})
+
+
+@pytest.fixture(scope="module")
+def report(inputs, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    patch = pytest.MonkeyPatch()
+    patch.setattr(shading, "SAMPLES", 1)  # coarse pictures: a quarter of the rays
+    write_report(inputs, folder)
+    again = tmp_path_factory.mktemp("again")
+    write_report(inputs, again)
+    patch.undo()
+    return folder, again
+
+
+class Page(HTMLParser):
+    """Tags opened and closed in order, and every address that the page refers to."""
+
+    EMPTY = frozenset({"meta", "img", "br", "link"})
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.addresses, self.text, self.misplaced = [], [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in self.EMPTY:
+            self.open.append(tag)
+        self.addresses += [value for name, value in attrs if name in ("src", "href", "srcset", "data")]
+
+    def handle_endtag(self, tag):
+        if not self.open or self.open.pop() != tag:
+            self.misplaced.append(tag)
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+@pytest.fixture(scope="module")
+def html(report):
+    return (report[0] / "index.html").read_text()
+
+
+@pytest.fixture(scope="module")
+def parsed(html):
+    reader = Page()
+    reader.feed(html)
+    return reader
+
+
+def test_a_grasp_that_labelling_scored_was_filmed_to_the_top(inputs):
+    assert inputs.film is not None and inputs.film.outcome == "held"
+    assert [shot.title for shot in inputs.film.shots] == ["hand in place", "fingers closed", "5 cm up", "20 cm up"]
+    assert inputs.film.shots[-1].T_world_object[2, 3] > 0.18
+
+
+def test_the_same_inputs_give_the_same_bytes(report):
+    folder, again = report
+    files = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
+    assert files == sorted(path.relative_to(again) for path in again.rglob("*") if path.is_file())
+    for file in files:
+        assert (folder / file).read_bytes() == (again / file).read_bytes(), file
+
+
+def test_every_figure_of_the_paper_is_there_as_png_and_pdf(report, html):
+    names = {
+        *("summary_1d", "grasp_function", "training_example", "predictions", "growing_uncertainty"),
+        *("success_vs_sigma_uv", "training_curves", "label_outcomes", "noise", "inpainting", "example_grasps"),
+        *("simulated_grasp", "objects"),
+    }
+    files = {path.name for path in (report[0] / "figures").iterdir()}
+    assert files == {f"{name}.{kind}" for name in names for kind in ("png", "pdf")}
+    assert set(re.findall(r'<figure id="(\w+)"', html)) == names
+
+
+def test_the_page_is_well_formed_and_needs_nothing_else(html, parsed):
+    assert parsed.misplaced == [] and parsed.open == []
+    assert len(parsed.addresses) == 13
+    assert all(address.startswith("data:image/png;base64,") for address in parsed.addresses)
+    style = html.split("<style>")[1].split("</style>")[0]
+    assert "url(" not in style and "@import" not in style and "<script" not in html
+    assert "http:" not in html and "https:" not in html
+
+
+def test_the_page_says_what_it_must(parsed, inputs):
+    text = " ".join("".join(parsed.text).split())
+    assert "made <up> & tiny" in text  # escaped, not interpreted
+    assert "All 12 recordings were made by a simulated robot" in text
+    assert "train objects left out: rolled away1" in text
+    assert "meshes rejected: flat1" in text
+    for parameter in inputs.parameters:
+        assert parameter.key in text
+    assert "compute.workers" not in text
+    assert "evaluate75.0 s" in text and f"label_grasps{page.DASH}" in text
+
+
+def test_metrics_are_json_with_four_digits(report):
+    numbers = json.loads((report[0] / "metrics.json").read_text())
+    assert numbers["table1"]["fcn"]["robust_minus_best"]["value"] == 0.5
+    assert numbers["table2"]["simulated_recordings"] == 12
+    assert numbers["labels"]["attempts"] == 2 * 40151
+
+
+def test_csv_reads_back(report):
+    table = pd.read_csv(report[0] / "table2.csv")
+    assert table["simulated"].all() and set(table["method"]) >= {"Best Grasp (fcn)", "Centroid"}
+
+
+def test_figures_of_an_earlier_report_do_not_stay(inputs, report, monkeypatch, tmp_path):
+    stale = tmp_path / "figures/old.png"
+    stale.parent.mkdir()
+    stale.write_bytes(b"")
+    monkeypatch.setattr("graspfn.reporting.report.draw_all", lambda *_: iter(()))
+    write_report(inputs, tmp_path)
+    assert not stale.exists()
+
+
+def test_without_a_film_the_other_scenes_are_still_drawn(inputs, monkeypatch):
+    monkeypatch.setattr(shading, "SAMPLES", 1)
+    bare = dataclasses.replace(inputs, film=None)
+    assert [plate.name for plate in figures._scenes(bare)] == ["objects"]
+
+
+def test_a_picture_is_its_own_bytes():
+    assert Picture("a", "b", b"\x89PNG").source == "data:image/png;base64,iVBORw=="
+
+
+def test_shown_objects_take_turns_over_the_classes():
+    classes = pd.Series(["b", "b", "a", "c", "a"])
+    assert spread(classes, 4) == [2, 0, 3, 4]
+    assert spread(classes, 99) == [2, 0, 3, 4, 1]
+
+
+def test_example_label_is_the_third_quartile():
+    successes = np.zeros((5, *grid.SHAPE), dtype=np.uint8)
+    for i, count in enumerate((40, 0, 10, 30, 20)):
+        successes[i].flat[:count] = 1
+    assert example_label(successes) == 3
+
+
+@pytest.mark.parametrize(
+    ("value", "said"), [(3.21, "3.2 s"), (600.0, "10.0 min"), (7200.0, "2.0 h"), (float("nan"), page.DASH)]
+)
+def test_durations_are_in_the_unit_people_would_use(value, said):
+    assert page.seconds(value) == said

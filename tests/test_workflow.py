@@ -1,0 +1,114 @@
+"""Seeds, atomic files, shards and the parallel map."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from graspfn.params import Compute
+from graspfn.workflow.files import atomic, read_npz, write_npz, write_parquet
+from graspfn.workflow.parallel import map_objects
+from graspfn.workflow.seeds import generator, seed_of
+from graspfn.workflow.shards import code_digest, shard_key
+
+# Dask leaves sockets to the garbage collector.
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::ResourceWarning"),
+    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
+]
+
+
+def compute(workers: int) -> Compute:
+    return Compute(address=None, workers=workers, device="cpu", checkpoint_s=60.0, loaders=0)
+
+
+def draw(name: str) -> float:
+    time.sleep(0.01 * (hash(name) % 3))
+    return float(generator(0, "draw", name).random())
+
+
+def die_if_told(name: str) -> str:
+    if name == "dies":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if name == "fails":
+        raise ValueError("not this one")
+    return name.upper()
+
+
+def test_seeds_depend_on_every_name_and_on_nothing_else() -> None:
+    assert seed_of(0, "a", "b") == seed_of(0, "a", "b")
+    assert len({seed_of(0, "a", "b"), seed_of(1, "a", "b"), seed_of(0, "ab"), seed_of(0, "b", "a")}) == 4
+    assert generator(3, "x").random() == generator(3, "x").random()
+
+
+def test_the_number_of_workers_changes_nothing() -> None:
+    tasks = [(name, (name,)) for name in "abcdefgh"]
+    one, two = (dict(map_objects(draw, tasks, len(tasks), compute(n), "draw")) for n in (1, 2))
+    assert one == two == {name: draw(name) for name in "abcdefgh"}
+
+
+def test_a_task_that_kills_its_worker_costs_itself_alone() -> None:
+    tasks = [(name, (name,)) for name in ("one", "dies", "two", "fails", "three")]
+    found = dict(map_objects(die_if_told, tasks, len(tasks), compute(2), "die"))
+    assert {name: found[name] for name in ("one", "two", "three")} == {"one": "ONE", "two": "TWO", "three": "THREE"}
+    assert "killed its worker" in str(found["dies"])
+    assert "not this one" in str(found["fails"])
+
+
+def test_no_tasks_start_no_cluster() -> None:
+    assert list(map_objects(draw, [], 0, compute(1), "none")) == []
+
+
+def test_a_write_that_fails_leaves_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "file.txt"
+    path.write_text("old")
+    with pytest.raises(RuntimeError), atomic(path) as temporary:
+        temporary.write_text("half")
+        raise RuntimeError
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_npz_round_trip_and_equal_bytes(tmp_path: Path) -> None:
+    arrays = {"ids": np.array(["a", "bc"]), "f": np.arange(6, dtype=np.float32).reshape(2, 3), "n": np.array(5)}
+    write_npz(tmp_path / "a.npz", arrays)
+    time.sleep(0.01)
+    write_npz(tmp_path / "b.npz", dict(reversed(arrays.items())))
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    for name, array in read_npz(tmp_path / "a.npz").items():
+        np.testing.assert_array_equal(array, arrays[name])
+
+
+def test_a_truncated_npz_is_one_line(tmp_path: Path) -> None:
+    write_npz(tmp_path / "a.npz", {"f": np.zeros(100)})
+    data = (tmp_path / "a.npz").read_bytes()
+    (tmp_path / "a.npz").write_bytes(data[: len(data) // 2])
+    with pytest.raises(ValueError, match=r"a\.npz: not a readable"):
+        read_npz(tmp_path / "a.npz")
+
+
+def test_parquet_bytes_depend_on_the_table_alone(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        write_parquet(tmp_path / name, pd.DataFrame({"x": [1.5, 2.5], "s": ["p", "q"]}))
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+def test_a_shard_is_named_after_everything_it_depends_on(tmp_path: Path) -> None:
+    mesh = tmp_path / "mesh.ply"
+    mesh.write_bytes(b"one")
+    key = shard_key("name", mesh, [1.0], compute(1))
+    assert key == shard_key("name", mesh, [1.0], compute(1))
+    assert key != shard_key("name", mesh, [1.5], compute(1))
+    assert key != shard_key("name", mesh, [1.0], compute(2))
+    mesh.write_bytes(b"two")
+    assert key != shard_key("name", mesh, [1.0], compute(1))
+
+
+def test_code_digest_covers_the_rooms_named() -> None:
+    assert code_digest("physics", "meshes") == code_digest("meshes", "physics") != code_digest("physics")
