@@ -22,7 +22,7 @@ repro: setup
 test: setup
 	graspfn check
 	pre-commit run --all-files
-	pytest --numprocesses auto --maxprocesses 4
+	pytest --numprocesses auto --maxprocesses 4 --dist loadfile
 
 bench: setup
 	graspfn check

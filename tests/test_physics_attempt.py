@@ -40,7 +40,7 @@ def some_poses(mesh: trimesh.Trimesh, T: np.ndarray, count: int) -> np.ndarray:
     clear = []
     for pose in rng.permutation(q):
         world.place_hand(pose)
-        if not world.hand_touches_object() and not world.hand_inside_object() and world.sweep_meets_object():
+        if not world.hand_touches_object() and not world.hand_inside_object():
             clear.append(pose)
         if len(clear) == count:
             break

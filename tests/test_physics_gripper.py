@@ -48,18 +48,6 @@ def test_fingers_mirror_each_other() -> None:
     assert {tuple(p) for p in np.round(mirrored, 9)} == {tuple(p) for p in np.round(right, 9)}
 
 
-def test_sweep_holds_every_finger_position() -> None:
-    boxes = [(T[2, 3], size) for T, size in K.sweep()]
-    rng = np.random.default_rng(0)
-    for angle in rng.uniform(K.open_angle, K.closed_angle, 50):
-        for T, size in K.parts((angle, angle))[1:]:
-            points = rng.uniform(-0.5, 0.5, (200, 3)) * size @ T[:3, :3].T + T[:3, 3]
-            inside = np.zeros(len(points), dtype=bool)
-            for z, box in boxes:
-                inside |= (np.abs(points - [0, 0, z]) <= box / 2).all(axis=1)
-            assert inside.all()
-
-
 def test_too_short_a_finger_is_one_line() -> None:
     with pytest.raises(ParameterError, match=r"gripper\.finger_length_mm"):
         Kinematics.from_params(replace(GRIPPER, finger_length_mm=10))

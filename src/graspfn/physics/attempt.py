@@ -39,6 +39,7 @@ CHECK_S = 0.010  # states are looked at this often
 STILL_S = 0.050  # fingers and object still for so long: the rest of the closing changes nothing
 LOST_S = 0.060  # no touch for so long while the hand rises: the hand has left 6 mm behind
 RIGID_S = 0.120  # object and hand moved as one for so long, off the table: nothing pulls them apart later
+FAR_M = 5.0  # out of the hand's reach
 STILL_M_S, STILL_RAD_S = 2e-3, 4e-2
 
 
@@ -51,6 +52,7 @@ class Grasper:
     def __init__(self, world: GraspWorld, T_world_object: np.ndarray, attempt: Attempt):
         self.world, self.attempt, self.T_rest = world, attempt, T_world_object
         self._every = max(1, round(CHECK_S / world.time_step))
+        self._free = self._free_closing()
         self.steps = 0
 
     def run(self, q: np.ndarray, watch: Watcher | None = None, whole: bool = False) -> Outcome:
@@ -63,16 +65,48 @@ class Grasper:
         world.place_hand(q)
         if world.hand_touches_object() or world.hand_inside_object():
             return Outcome.COLLIDED
-        if not whole and not world.sweep_meets_object():
-            return Outcome.MISSED
         self._clock, self._watch, self._whole = 0.0, watch, whole
         self._show()
+        if not whole and not self._approach():
+            return Outcome.MISSED
         try:
             if not self._close():
                 return Outcome.MISSED
             return Outcome.HELD if self._lift() else Outcome.LEFT
         except Diverged:
             return Outcome.DIVERGED
+
+    def _free_closing(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Positions and velocities of the hand at every look at a closing that meets nothing."""
+        far = self.T_rest.copy()
+        far[0, 3] += FAR_M
+        self.world.place_object(far)
+        self.world.place_hand(np.zeros(3))
+        states = [(self.world.hand.getPositions(), self.world.hand.getVelocities())]
+        for _ in range(round(self.attempt.close_s / CHECK_S)):
+            for _ in range(self._every):
+                self.world.drive(0.0)
+            states.append((self.world.hand.getPositions(), self.world.hand.getVelocities()))
+        return states
+
+    def _approach(self) -> bool:
+        """Put the fingers where they are just before they touch the object; False if they never do.
+
+        Until then the object rests and the fingers move as if it was not there, so nothing need be simulated. They
+        are thicker than they move between two looks, so that no part of the object can pass through unseen.
+        """
+        hand = self.world.hand
+        before = self._free[0]
+        for state in self._free[1:]:
+            hand.setPositions(state[0])
+            if self.world.hand_touches_object():
+                hand.setPositions(before[0])
+                hand.setVelocities(before[1])
+                return True
+            before = state
+            self._clock += CHECK_S
+            self._show()
+        return False
 
     def _advance(self, rise: float) -> None:
         """Run until the next look at the state."""
@@ -101,7 +135,7 @@ class Grasper:
     def _close(self) -> bool:
         """Close the fingers; False if they met each other without meeting the object."""
         still = 0.0
-        for _ in range(round(self.attempt.close_s / CHECK_S)):
+        for _ in range(round((self.attempt.close_s - self._clock) / CHECK_S)):
             self._advance(0.0)
             closed = self.world.hand.getPositions()[1:] >= self.world.kinematics.closed_angle - 1e-4
             if closed.all() and not self._whole:

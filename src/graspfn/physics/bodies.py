@@ -92,15 +92,6 @@ def hand(k: Kinematics, gripper: Gripper) -> dart.dynamics.Skeleton:
     return hand
 
 
-def sweep(k: Kinematics) -> dart.dynamics.Skeleton:
-    """Boxes around everything that the fingers pass through while they close; no part of the world."""
-    sweep = dart.dynamics.Skeleton("sweep")
-    _, body = sweep.createWeldJointAndBodyNodePair()
-    for T, size in k.sweep():
-        _add_box(body, size, T[:3, 3], mass=1.0)
-    return sweep
-
-
 def _add_box(
     body: dart.dynamics.BodyNode,
     size: np.ndarray,

@@ -7,7 +7,6 @@ Hand frame: x closes the jaws, z points up, the origin lies on the table below t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -57,30 +56,6 @@ class Kinematics:
         """Farthest point of the open fingers from the hand's axis along the closing direction, metres."""
         a = self.open_angle
         return float(self.knuckle_x - self.length * np.sin(a) + self.thickness / 2 * np.cos(a))
-
-    def sweep(self, slabs: int = 8) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Boxes that together hold everything the fingers pass through, as (T_hand_box (4, 4), size (3,)).
-
-        One box per slab of height; each is as wide as the finger's outline gets in it at any angle of the closing.
-        """
-        t = np.linspace(0, 1, 201)[:, None]
-        x0, x1, z0, z1 = -self.thickness / 2, self.thickness / 2, -self.length, 0.0
-        corners = np.array([[x0, z0], [x1, z0], [x1, z1], [x0, z1], [x0, z0]])
-        outline = np.concatenate([a + t * (b - a) for a, b in pairwise(corners)])
-        angles = np.linspace(self.open_angle, self.closed_angle, 401)
-        c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
-        x = np.abs(self.knuckle_x + c * outline[:, 0] + s * outline[:, 1]).ravel()
-        z = (self.knuckle_z - s * outline[:, 0] + c * outline[:, 1]).ravel()
-        step = (z.max() - z.min()) / slabs
-        slab = np.minimum(((z - z.min()) / step).astype(int), slabs - 1)
-        margin = 1e-3  # more than the outline moves between two of its samples
-        boxes = []
-        for k in range(slabs):
-            T = np.eye(4)
-            T[2, 3] = z.min() + (k + 0.5) * step
-            half_x = x[slab == k].max() + margin
-            boxes.append((T, np.array([2 * half_x, self.width + 2 * margin, step + 2 * margin])))
-        return boxes
 
     def parts(self, angles: tuple[float, float]) -> list[tuple[np.ndarray, np.ndarray]]:
         """Boxes of palm, left and right finger as (T_hand_box (4, 4), size (3,)) at the finger angles (left, right)."""

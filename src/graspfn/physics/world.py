@@ -99,14 +99,12 @@ class GraspWorld(TableWorld):
         self.torque = gripper.torque_nm
         self.drag = (gripper.torque_nm - gripper.gear_friction_nm) / gripper.closing_speed_rads
         self.hand = bodies.hand(self.kinematics, gripper)
-        self.sweep = bodies.sweep(self.kinematics)
         self._add(self.hand)
         for body in self.hand.getBodyNodes():
             self._filter.addBodyNodePairToBlackList(self._sole, body)
             self._filter.addBodyNodePairToBlackList(self.table.getBodyNode(0), body)
-        self._hand_group, self._object_group, self._sweep_group = (
-            self._group(group) for group in (self.hand.getBodyNodes(), [self._body], self.sweep.getBodyNodes())
-        )
+        self._hand_group = self._group(self.hand.getBodyNodes())
+        self._object_group = self._group([self._body])
 
     def _group(self, group_bodies: list[dart.dynamics.BodyNode]) -> dart.collision.CollisionGroup:
         group = self.world.getConstraintSolver().getCollisionDetector().createCollisionGroup()
@@ -116,19 +114,13 @@ class GraspWorld(TableWorld):
 
     def place_hand(self, q: np.ndarray) -> None:
         """Put the hand, fingers open and at rest, at pose q = (u, v, theta)."""
-        isometry = dart.math.Isometry3(T_world_grasp(q))
-        for skeleton in (self.hand, self.sweep):
-            skeleton.getJoint(0).setTransformFromParentBodyNode(isometry)
+        self.hand.getJoint(0).setTransformFromParentBodyNode(dart.math.Isometry3(T_world_grasp(q)))
         self.hand.setPositions([0.0, self.kinematics.open_angle, self.kinematics.open_angle])
         self.hand.setVelocities(np.zeros(3))
 
     def hand_touches_object(self) -> bool:
         """Whether palm or fingers meet the object's surface in the present state."""
         return bool(self._hand_group.collide(self._object_group))
-
-    def sweep_meets_object(self) -> bool:
-        """Whether the boxes that hold the whole closing meet the object's surface in the present state."""
-        return bool(self._sweep_group.collide(self._object_group))
 
     def hand_inside_object(self) -> bool:
         """Whether palm or a finger lies wholly inside a closed object, where no surfaces meet."""

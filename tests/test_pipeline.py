@@ -1,0 +1,251 @@
+"""The whole workflow at scale=smoke: it runs, reruns what a change affects, survives SIGKILL, travels by remote.
+
+The tests of this file share one run, and leave it as they found it.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from dvc.repo import Repo
+from networkx import ancestors
+
+ROOT = Path(__file__).parents[1]
+FIGURES = ("training_example", "predictions", "success_vs_sigma_uv", "growing_uncertainty", "noise", "inpainting")
+
+
+class Workspace:
+    """A checkout of the project in a folder of its own."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        # The checkout's own code, not the installed one.
+        self.env = os.environ | {"PYTHONPATH": str(folder / "src"), "PYTHONDONTWRITEBYTECODE": "1", "CI": "true"}
+
+    def run(self, *command: str, check: bool = True) -> subprocess.CompletedProcess[str]:
+        done = subprocess.run(command, cwd=self.folder, env=self.env, capture_output=True, text=True, timeout=1200)
+        assert not check or done.returncode == 0, f"{' '.join(command)}\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
+        return done
+
+    def git(self, *command: str) -> None:
+        self.run("git", "-c", "user.name=t", "-c", "user.email=t@example.org", "-c", "commit.gpgsign=false", *command)
+
+    def lock(self) -> dict[str, Any]:
+        """Hash of every output, but the page's: it says how long the stages took."""
+        lock = yaml.safe_load((self.folder / "dvc.lock").read_text())
+        outs = [out for stage in lock["stages"].values() for out in stage.get("outs", [])]
+        return {out["path"]: out["md5"] for out in outs if out["path"] != "reports/index.html"}
+
+    def would_run(self) -> set[str]:
+        """The stages that `dvc status` finds changed, and all that come after them."""
+        with Repo(str(self.folder)) as repo:
+            stages = {stage.addressing: stage for stage in repo.index.stages}
+            changed = {name.removeprefix("dvc.yaml:") for name in repo.status()}
+            graph = repo.index.graph
+            after = {later.addressing for name in changed for later in ancestors(graph, stages[name])}
+        return {name.partition("@")[0] for name in changed | after}
+
+    def repro_runs(self) -> list[str]:
+        lines = self.run("dvc", "repro").stdout.splitlines()
+        return [line for line in lines if line.startswith("Running stage")]
+
+
+def copy_of_the_project(folder: Path) -> Workspace:
+    listed = subprocess.run(["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True)
+    for name in filter(None, listed.stdout.splitlines()):
+        if (ROOT / name).is_file() and not name.startswith("reports/") and name != "dvc.lock":
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, folder / name)
+    workspace = Workspace(folder)
+    workspace.git("init", "-q", "-b", "main")
+    return workspace
+
+
+@pytest.fixture(scope="session")
+def smoke(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
+    """One finished run at scale=smoke, committed."""
+    workspace = copy_of_the_project(tmp_path_factory.mktemp("smoke"))
+    workspace.run("graspfn", "params", "scale=smoke")
+    workspace.run("dvc", "repro")
+    workspace.git("add", "-A")
+    workspace.git("commit", "-qm", "A run at scale=smoke")
+    return workspace
+
+
+@pytest.fixture
+def edited(smoke: Workspace) -> Iterator[Callable[[str, Any], None]]:
+    """Changes a key of the run's params.yaml for one test."""
+    path = smoke.folder / "params.yaml"
+    before = path.read_text()
+
+    def edit(key: str, value: Any) -> None:
+        values = yaml.safe_load(path.read_text())
+        *sections, last = key.split(".")
+        inner = values
+        for section in sections:
+            inner = inner[section]
+        inner[last] = value
+        path.write_text(yaml.safe_dump(values))
+
+    yield edit
+    path.write_text(before)
+
+
+def test_both_tables_are_filled(smoke: Workspace) -> None:
+    table1 = pd.read_csv(smoke.folder / "reports/table1.csv")
+    assert len(table1) == 16 * 5
+    assert table1["success"].between(0, 1).all()
+    assert (table1["ci_low"] <= table1["success"]).all()
+    assert (table1["success"] <= table1["ci_high"]).all()
+    table2 = pd.read_csv(smoke.folder / "reports/table2.csv")
+    assert len(table2) == 2 * 5
+    assert table2["simulated"].all()
+
+
+def test_every_figure_is_drawn(smoke: Workspace) -> None:
+    drawn = {path.name for path in (smoke.folder / "reports/figures").iterdir()}
+    assert {f"{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")} <= drawn
+    page = (smoke.folder / "reports/index.html").read_text()
+    assert page.count("data:image/png;base64") == sum(name.endswith(".png") for name in drawn)
+
+
+def test_every_attempt_is_accounted_for(smoke: Workspace) -> None:
+    account = pd.read_parquet(smoke.folder / "data/label_account.parquet")
+    counts = account.drop(columns=["id", "status"])
+    assert (counts.sum(axis=1) == 43560).all()
+    with np.load(smoke.folder / "data/labels.npz") as labels:
+        assert labels["successes"].reshape(len(account), -1).sum(axis=1).tolist() == account["held"].tolist()
+
+
+def test_a_second_repro_runs_nothing_in_five_seconds(smoke: Workspace) -> None:
+    started = time.monotonic()
+    assert smoke.repro_runs() == []
+    assert time.monotonic() - started < 15  # five on an idle machine; the tests run side by side
+
+
+AFTER_LABELS = {"train", "predict", "evaluate", "record_robot", "analyse_robot", "report"}
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "stages"),
+    [
+        ("evaluate.sigma_uv_mm", [5.0, 10.0], {"evaluate", "report"}),
+        ("train.epochs", 2, AFTER_LABELS),
+        ("compute.workers", 1, set()),
+        ("topics.outcome", "/held", {"record_robot", "analyse_robot", "report"}),
+        ("plan.fine_uv", 2, {"evaluate", "record_robot", "analyse_robot", "report"}),
+    ],
+)
+def test_a_parameter_reruns_what_it_affects(
+    smoke: Workspace, edited: Callable[[str, Any], None], key: str, value: Any, stages: set[str]
+) -> None:
+    edited(key, value)
+    assert smoke.would_run() == stages
+
+
+def test_the_torque_reruns_grasping_alone(smoke: Workspace, edited: Callable[[str, Any], None]) -> None:
+    edited("gripper.torque_nm", 1.2)
+    assert smoke.would_run() == {"label_grasps"} | AFTER_LABELS
+    with Repo(str(smoke.folder)) as repo:
+        direct = {name.partition("@")[0] for name in repo.status()}
+    assert direct == {"label_grasps", "evaluate", "record_robot", "report"}
+
+
+@pytest.mark.parametrize(
+    ("room", "stages"),
+    [("reporting", {"report"}), ("robot", {"record_robot", "analyse_robot", "report"})],
+)
+def test_code_reruns_what_loads_it(smoke: Workspace, room: str, stages: set[str]) -> None:
+    path = next((smoke.folder / "src/graspfn" / room).glob("*.py"))
+    before = path.read_text()
+    path.write_text(before + "\n# changed\n")
+    try:
+        assert smoke.would_run() == stages
+    finally:
+        path.write_text(before)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "named"),
+    [
+        ("train.epochz", 3, "train.epochz"),
+        ("noise.sigma_d_mm", -1.5, "noise.sigma_d_mm"),
+        ("colour", "red", "colour"),
+        ("evaluate.sigma_uv_mm", [5, -5], "evaluate.sigma_uv_mm"),
+    ],
+)
+def test_a_bad_parameter_is_one_line(
+    smoke: Workspace, edited: Callable[[str, Any], None], key: str, value: Any, named: str
+) -> None:
+    edited(key, value)
+    for command in (("graspfn", "check"), ("python", "stages/select_meshes.py")):
+        done = smoke.run(*command, check=False)
+        assert done.returncode != 0
+        lines = (done.stdout + done.stderr).strip().splitlines()
+        assert len(lines) == 1, lines
+        assert named in lines[0]
+
+
+def test_a_bad_mesh_folder_is_one_line(smoke: Workspace, edited: Callable[[str, Any], None], tmp_path: Path) -> None:
+    edited("meshes.source", "folder")
+    edited("meshes.folder", str(tmp_path / "nowhere"))
+    done = smoke.run("python", "stages/select_meshes.py", check=False)
+    assert done.returncode != 0
+    assert done.stderr.strip().count("\n") == 0
+    assert "nowhere" in done.stderr
+    (tmp_path / "nowhere").mkdir()
+    (tmp_path / "nowhere/empty.off").touch()
+    done = smoke.run("python", "stages/select_meshes.py", check=False)
+    assert done.returncode != 0
+    assert done.stderr.strip().count("\n") == 0
+    assert "empty.off" in done.stderr
+    smoke.run("dvc", "checkout")
+
+
+def test_a_remote_carries_the_run(smoke: Workspace, tmp_path: Path) -> None:
+    remote, elsewhere = tmp_path / "remote", tmp_path / "elsewhere"
+    smoke.run("dvc", "remote", "add", "--force", "--local", "--default", "share", str(remote))
+    smoke.run("dvc", "push")
+    smoke.git("clone", "-q", str(smoke.folder), str(elsewhere))
+    clone = Workspace(elsewhere)
+    clone.run("dvc", "remote", "add", "--local", "--default", "share", str(remote))
+    clone.run("dvc", "pull")
+    assert clone.repro_runs() == []
+    assert clone.lock() == smoke.lock()
+
+
+def test_sigkill_in_the_middle_of_labelling_loses_nothing(smoke: Workspace) -> None:
+    before = smoke.lock()
+    shards = smoke.folder / ".scratch/label_grasps"
+    kept = {path.name: path.read_bytes() for path in shards.iterdir()}
+    for path in shards.iterdir():
+        path.unlink()
+    command = ["dvc", "repro", "--force", "--single-item", "--no-run-cache", "label_grasps"]
+    process = subprocess.Popen(
+        command, cwd=smoke.folder, env=smoke.env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )  # fmt: skip
+    deadline = time.monotonic() + 600
+    while not list(shards.glob("*.npz")):
+        assert process.poll() is None, "labelling ended before a shard landed"
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    landed = {path.name for path in shards.glob("*.npz")}
+    assert landed < set(kept), "the kill came too late to prove anything"
+    done = smoke.run("dvc", "repro", "--no-run-cache")
+    assert f"{len(landed)} of {len(kept)} objects were labelled before" in done.stdout
+    assert {path.name: path.read_bytes() for path in shards.glob("*.npz")} == kept
+    assert smoke.lock() == before
