@@ -128,10 +128,8 @@ def test_every_attempt_is_accounted_for(smoke: Workspace) -> None:
         assert labels["successes"].reshape(len(account), -1).sum(axis=1).tolist() == account["held"].tolist()
 
 
-def test_a_second_repro_runs_nothing_in_five_seconds(smoke: Workspace) -> None:
-    started = time.monotonic()
+def test_a_second_repro_runs_nothing(smoke: Workspace) -> None:
     assert smoke.repro_runs() == []
-    assert time.monotonic() - started < 15  # five on an idle machine; the tests run side by side
 
 
 AFTER_LABELS = {"train", "predict", "evaluate", "record_robot", "analyse_robot", "report"}
@@ -223,6 +221,28 @@ def test_a_remote_carries_the_run(smoke: Workspace, tmp_path: Path) -> None:
     clone.run("dvc", "pull")
     assert clone.repro_runs() == []
     assert clone.lock() == smoke.lock()
+
+
+def test_recordings_from_a_folder_are_taken_over(
+    smoke: Workspace, edited: Callable[[str, Any], None], tmp_path: Path
+) -> None:
+    own = tmp_path / "own"
+    shutil.copytree(smoke.folder / "data/recordings", own)
+    files = {path.name: path.read_bytes() for path in own.iterdir()}
+    edited("robot.source", "folder")
+    edited("robot.folder", str(own))
+    try:
+        smoke.run("dvc", "unprotect", "data/recordings")
+        smoke.run("python", "stages/record_robot.py")
+        taken = {path.name: path.read_bytes() for path in (smoke.folder / "data/recordings").iterdir()}
+        assert taken == files
+        next(own.iterdir()).write_bytes(b"no recording")
+        done = smoke.run("python", "stages/record_robot.py", check=False)
+        assert done.returncode != 0
+        assert done.stderr.strip().count("\n") == 0
+        assert str(own) in done.stderr
+    finally:
+        smoke.run("dvc", "checkout", "--force", "data/recordings")
 
 
 def test_sigkill_in_the_middle_of_labelling_loses_nothing(smoke: Workspace) -> None:
