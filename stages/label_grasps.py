@@ -78,7 +78,11 @@ def main(params: Declared) -> None:
         },
     )
     rows = [
-        {"id": name, "status": failed.get(name, "labelled")}
+        {
+            "id": name,
+            "status": failed.get(name, "labelled"),
+            "best": int(done[name]["successes"].max()) if name in done else 0,  # attempts that held at the best pose
+        }
         | {key.removeprefix("account_"): int(v) for key, v in done.get(name, {}).items() if key.startswith("account_")}
         for name in sorted(shards)
     ]

@@ -7,9 +7,9 @@ import pandas as pd
 
 from graspfn.geometry.camera import Intrinsics
 from graspfn.learning.dataset import ClassSamples
-from graspfn.learning.device import resources
 from graspfn.learning.networks import build_network
 from graspfn.learning.pretraining import class_indices, pretrain
+from graspfn.learning.training import resources
 from graspfn.learning.weights import save_network
 from graspfn.params import Declared
 from graspfn.workflow.stage import stage

@@ -5,6 +5,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from graspfn.evaluation.trials import Sigma, plan_all
 from graspfn.geometry.camera import Intrinsics
 from graspfn.geometry.transforms import T_world_scene
@@ -16,7 +18,7 @@ from graspfn.learning.device import pick_device
 from graspfn.learning.prediction import predict
 from graspfn.learning.weights import load_network
 from graspfn.meshes.placed import T_world_object, read_resting
-from graspfn.meshes.store import load_object
+from graspfn.meshes.store import load_object, read_manifest
 from graspfn.params import Declared
 from graspfn.robot.read import read_trial, recordings
 from graspfn.robot.record import write_trial
@@ -29,14 +31,21 @@ MESHES, PLACED = Path("data/objects/test"), Path("data/placed/test.parquet")
 NETWORKS, OUT = Path("data/networks"), Path("data/recordings")
 
 
+def robot_objects(params: Declared) -> dict[str, np.ndarray]:
+    """T_world_object of the first resting objects in the order of selection, which takes classes in turn."""
+    order = read_manifest(MESHES).sort_values("seed_index")["id"].tolist()
+    placed = {row["id"]: T_world_object(row) for row in read_resting(PLACED).to_dict("records")}
+    chosen = [name for name in order if name in placed][: params.robot.objects]
+    return {name: placed[name] for name in chosen}
+
+
 def simulated_tasks(params: Declared) -> Iterator[tuple[str, tuple[Any, ...]]]:
     """Every scene with the plans of all methods under all conditions."""
     camera, render = Intrinsics.from_params(params.camera), renderer(params.camera.renderer)
     device = pick_device(params.compute.device)
     networks = {name: load_network(NETWORKS / name) for name in params.networks}
     sigmas = [Sigma(*pair) for pair in zip(params.robot.sigma_uv_mm, params.robot.sigma_theta_deg, strict=True)]
-    for row in read_resting(PLACED).head(params.robot.objects).to_dict("records"):
-        name, T = row["id"], T_world_object(row)
+    for name, T in robot_objects(params).items():
         mesh = load_object(MESHES, name)
         centred = render(mesh, T, camera)
         for placement in range(params.robot.placements):
@@ -62,7 +71,7 @@ def main(params: Declared) -> None:
             read_trial(path, params.topics)  # refuses, before anything runs on it, what cannot be analysed
             shutil.copyfile(path, OUT / path.name)
         return
-    scenes = min(params.robot.objects, len(read_resting(PLACED))) * params.robot.placements
+    scenes = len(robot_objects(params)) * params.robot.placements
     for name, result in map_objects(record, simulated_tasks(params), scenes, params.compute, "record"):
         if isinstance(result, Exception):
             print(f"left out {name}: {result}")

@@ -7,8 +7,7 @@ import pandas as pd
 
 from graspfn.geometry.camera import Intrinsics
 from graspfn.learning.dataset import GraspSamples
-from graspfn.learning.device import resources
-from graspfn.learning.training import train
+from graspfn.learning.training import resources, train
 from graspfn.learning.weights import load_network, save_network
 from graspfn.params import Declared
 from graspfn.workflow.files import read_npz

@@ -51,7 +51,8 @@ def test_good_and_bad_grasps_of_a_bar() -> None:
     attempts = grasper(BAR, T_BAR)
     assert attempts.run(np.array([0, 0, 0])) is Outcome.HELD
     assert attempts.run(np.array([0, 0, np.pi / 2])) is Outcome.COLLIDED  # jaws along its length
-    assert attempts.run(np.array([0, 0.2, 0])) is Outcome.MISSED
+    assert attempts.run(np.array([0, 0.2, 0])) is Outcome.UNTOUCHED
+    assert attempts.run(np.array([0, 0.2, 0]), whole=True) is not Outcome.HELD
 
 
 def test_order_and_repetition_change_no_bit() -> None:

@@ -22,6 +22,9 @@ from dvc.repo import Repo
 from networkx import ancestors
 
 ROOT = Path(__file__).parents[1]
+# DVC asks pygtrie for what it will one day no longer give.
+pytestmark = pytest.mark.filterwarnings("ignore:_NoneStep:DeprecationWarning")
+
 FIGURES = ("training_example", "predictions", "success_vs_sigma_uv", "growing_uncertainty", "noise", "inpainting")
 
 
@@ -122,7 +125,7 @@ def test_every_figure_is_drawn(smoke: Workspace) -> None:
 
 def test_every_attempt_is_accounted_for(smoke: Workspace) -> None:
     account = pd.read_parquet(smoke.folder / "data/label_account.parquet")
-    counts = account.drop(columns=["id", "status"])
+    counts = account.drop(columns=["id", "status", "best"])
     assert (counts.sum(axis=1) == 43560).all()
     with np.load(smoke.folder / "data/labels.npz") as labels:
         assert labels["successes"].reshape(len(account), -1).sum(axis=1).tolist() == account["held"].tolist()
@@ -265,7 +268,8 @@ def test_sigkill_in_the_middle_of_labelling_loses_nothing(smoke: Workspace) -> N
     process.wait()
     landed = {path.name for path in shards.glob("*.npz")}
     assert landed < set(kept), "the kill came too late to prove anything"
-    done = smoke.run("dvc", "repro", "--no-run-cache")
+    done = smoke.run(*command)
     assert f"{len(landed)} of {len(kept)} objects were labelled before" in done.stdout
+    smoke.run("dvc", "repro")
     assert {path.name: path.read_bytes() for path in shards.glob("*.npz")} == kept
     assert smoke.lock() == before

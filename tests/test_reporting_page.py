@@ -71,7 +71,8 @@ def write_data(data, params):
     write_npz(data / "labels.npz", {"ids": np.array(trained), "successes": successes, "attempts": np.array(5)})
     ended = {"culled": 40000, "held": 90, "collided": 10, "missed": 20, "left": 30, "diverged": 1}
     write_parquet(
-        data / "label_account.parquet", pd.DataFrame([{"id": i, "status": "labelled"} | ended for i in trained])
+        data / "label_account.parquet",
+        pd.DataFrame([{"id": i, "status": "labelled", "best": 5} | ended for i in trained]),
     )
     write_npz(data / "functions/fcn.npz", {"ids": np.array(tested), "scores": f.astype(np.float32)})
     for folder, steps in (("pretrained", 0), ("networks", 20)):

@@ -44,9 +44,18 @@ def robot_trials(simulated=True):
 def account():
     return pd.DataFrame(
         [
-            {"id": "a", "status": "labelled", "culled": 60, "held": 10, "left": 20, "missed": 5, "collided": 5}
+            {
+                "id": "a",
+                "status": "labelled",
+                "best": 5,
+                "culled": 60,
+                "held": 10,
+                "left": 20,
+                "missed": 5,
+                "collided": 5,
+            }
             | {"diverged": 0},
-            {"id": "b", "status": "crashed"},
+            {"id": "b", "status": "crashed", "best": 0},
         ]
     )
 
@@ -205,5 +214,5 @@ def test_metrics_hold_the_tables_means_and_the_labels_shares():
     assert found["table2"]["fcn"]["best_grasp"]["success_uv6_2_theta4_7"] == 0.75
     assert found["table2"]["simulated_recordings"] == 80
     assert found["labels"]["objects"] == 1 and found["labels"]["attempts"] == 100
-    assert found["labels"]["held_share_of_simulated"] == 0.25
+    assert found["labels"]["held_share_of_touching"] == 0.25
     assert found["training"]["fcn"]["final_loss"] == 0.1235

@@ -39,10 +39,15 @@ def load_checkpoint(folder: Path, key: str, model: nn.Module, optimizer: torch.o
             return []
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a mapping)
     model.load_state_dict({name[8:]: tensor for name, tensor in tensors.items() if name.startswith("weights.")})
+    weights = [weight for group in optimizer.param_groups for weight in group["params"]]
     state: dict[int, dict[str, torch.Tensor]] = {}
     for name, tensor in tensors.items():
         if name.startswith("moments."):
             _, index, moment = name.split(".")
+            weight = weights[int(index)]
+            if tensor.shape == weight.shape:
+                # The fused AdamW walks weights and moments in memory order: a moment takes its weight's layout.
+                tensor = torch.empty_like(weight).copy_(tensor)
             state.setdefault(int(index), {})[moment] = tensor
     optimizer.load_state_dict({**optimizer.state_dict(), "state": state})
     return tensors["losses"].tolist()

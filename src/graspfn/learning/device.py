@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import torch
 
-from graspfn.learning.training import Resources
-from graspfn.params import Compute
-from graspfn.workflow.shards import SCRATCH
+
+@contextmanager
+def torch_threads(count: int) -> Iterator[None]:
+    """Torch computes with `count` threads: how threads share a sum shows in its last bits."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(count)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def pick_device(name: str) -> torch.device:
@@ -17,8 +27,3 @@ def pick_device(name: str) -> torch.device:
     if not available.get(name, False):
         raise ValueError(f"compute.device: {name} is not available; here it takes auto or cpu")
     return torch.device(name)
-
-
-def resources(compute: Compute, run: str) -> Resources:
-    """What a training run may use on this machine; `run` names its checkpoints, kept in the ignored scratch folder."""
-    return Resources(pick_device(compute.device), SCRATCH / "checkpoints" / run, compute.checkpoint_s, compute.loaders)

@@ -7,6 +7,7 @@ import torch
 
 from graspfn.geometry.grid import SHAPE
 from graspfn.learning.dataset import CLASSES
+from graspfn.learning.device import torch_threads
 from graspfn.learning.networks import GraspNetwork
 
 BATCH = 16
@@ -22,7 +23,7 @@ def predict(network: GraspNetwork, inputs: np.ndarray, device: torch.device | No
     network = network.to(device).eval()
     values = torch.linspace(0, 1, CLASSES, device=device)
     scores = np.empty((len(inputs), *SHAPE), dtype=np.float32)
-    with torch.inference_mode():
+    with torch.inference_mode(), torch_threads(1):
         for start in range(0, len(inputs), BATCH):
             batch = torch.from_numpy(np.ascontiguousarray(inputs[start : start + BATCH], dtype=np.float32))
             logits = network(batch[:, None].to(device))

@@ -26,9 +26,11 @@ from tqdm import tqdm
 
 from graspfn.learning.checkpoint import load_checkpoint, remove_checkpoint, save_checkpoint
 from graspfn.learning.dataset import CLASSES, GraspSamples
+from graspfn.learning.device import pick_device, torch_threads
 from graspfn.learning.networks import GraspNetwork
-from graspfn.params import Network, Train
+from graspfn.params import Compute, Network, Train
 from graspfn.workflow.seeds import generator, seed_of
+from graspfn.workflow.shards import SCRATCH
 
 WARM_UP = 0.1  # share of the steps over which the learning rate rises
 Loss = Callable[[torch.Tensor, torch.Tensor], torch.Tensor]
@@ -48,6 +50,11 @@ class Resources:
     loaders: int = 0
     threads: int = 1
     progress: bool = True
+
+
+def resources(compute: Compute, run: str) -> Resources:
+    """What a training run may use on this machine; `run` names its checkpoints, kept in the ignored scratch folder."""
+    return Resources(pick_device(compute.device), SCRATCH / "checkpoints" / run, compute.checkpoint_s, compute.loaders)
 
 
 @dataclass(frozen=True)
@@ -105,18 +112,15 @@ def fit(model: nn.Module, loss: Loss, dataset: Dataset, descent: Descent, resour
     """Trains the model in place; returns its history, one line per step: step, epoch, learning_rate, loss."""
     samples = len(dataset)  # type: ignore[arg-type]
     steps = descent.steps(samples)
-    threads = torch.get_num_threads()
-    torch.set_num_threads(resources.threads)
-    try:
+    with torch_threads(resources.threads):
         model.to(resources.device)
+        model.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # a fifth faster on a CPU
         key = _run_key(model, dataset, descent, resources)
         optimizer = torch.optim.AdamW(
             model.parameters(), descent.learning_rate, weight_decay=descent.weight_decay, fused=True
         )
         losses = load_checkpoint(resources.checkpoint_folder, key, model, optimizer)
         _descend(model, loss, dataset, optimizer, losses, key, descent, resources)
-    finally:
-        torch.set_num_threads(threads)
     remove_checkpoint(resources.checkpoint_folder)
     step = np.arange(steps)
     return pd.DataFrame(
@@ -156,7 +160,8 @@ def _descend(
         for group in optimizer.param_groups:
             group["lr"] = descent.rate(step, steps)
         optimizer.zero_grad()
-        value = loss(model(inputs.to(resources.device)), targets.to(resources.device))
+        images = inputs.to(resources.device, memory_format=torch.channels_last)
+        value = loss(model(images), targets.to(resources.device))
         value.backward()
         optimizer.step()
         losses.append(value.item())

@@ -17,6 +17,7 @@ class Outcome(enum.StrEnum):
 
     HELD = "held"
     COLLIDED = "collided"  # the open gripper starts inside the object
+    UNTOUCHED = "untouched"  # the whole closing goes clear of the resting object: nothing need be simulated
     MISSED = "missed"  # the fingers met each other, not the object
     LEFT = "left"  # the object stayed on, or fell back towards, the table
     DIVERGED = "diverged"  # the simulation ran away: not a label
@@ -68,7 +69,7 @@ class Grasper:
         self._clock, self._watch, self._whole = 0.0, watch, whole
         self._show()
         if not whole and not self._approach():
-            return Outcome.MISSED
+            return Outcome.UNTOUCHED
         try:
             if not self._close():
                 return Outcome.MISSED

@@ -26,7 +26,8 @@ class Labels:
     """The grasp function of one object, counted.
 
     successes: (33, 44, 6) uint8, attempts that held at each pose.
-    account: how each of the 8712 x attempts ended, by name; `culled` ones provably touch nothing.
+    account: how each of the 8712 x attempts ended, by name; `culled` ones provably touch nothing and were not
+    simulated, nor were `collided` ones, which start inside the object.
     """
 
     successes: np.ndarray
@@ -55,11 +56,12 @@ def label_object(
     q = draws.reshape(-1, 3)
     culled = touches_nothing(apply(T_world_object, mesh.vertices)[:, :2], q, world.kinematics)
     held = np.zeros(len(q), dtype=bool)
-    account = Counter({CULLED: int(culled.sum())} | {outcome.value: 0 for outcome in Outcome})
+    outcomes = [outcome for outcome in Outcome if outcome is not Outcome.UNTOUCHED]
+    account = Counter({CULLED: int(culled.sum())} | {outcome.value: 0 for outcome in outcomes})
     for i in np.flatnonzero(~culled):
         outcome = grasper.run(q[i])
         held[i] = outcome is Outcome.HELD
-        account[outcome.value] += 1
+        account[CULLED if outcome is Outcome.UNTOUCHED else outcome.value] += 1
     successes = held.reshape(draws.shape[:-1]).sum(axis=-1).astype(np.uint8)
     return Labels(successes, dict(account))
 

@@ -133,7 +133,7 @@ def _results(inputs: ReportInputs, table1: pd.DataFrame) -> Iterator[Plate]:
     )
     yield Plate(
         "label_outcomes",
-        "How the simulated attempts that label the training objects ended.",
+        "How the attempts that label the training objects ended.",
         figures_results.draw_label_outcomes(inputs.account),
     )
 

@@ -15,8 +15,8 @@ from graspfn.reporting.style import COLOURS, LINES, MARKERS, PAPER, WIDE_IN, new
 OUTCOMES = {
     "held": "held: lifted 20 cm, a success",
     "left": "left: not in the gripper at the top",
-    "missed": "missed: fingers met each other",
-    "collided": "collided: open gripper inside the object",
+    "missed": "missed: the fingers slipped off",
+    "collided": "collided: the open gripper starts inside",
     "diverged": "diverged: simulation ran away",
 }
 
@@ -94,18 +94,18 @@ def draw_training_curves(pretraining: Mapping[str, pd.DataFrame], training: Mapp
 def draw_label_outcomes(account: pd.DataFrame) -> Figure:
     """How the labelling attempts ended; account: one row per object with a count for each outcome and `culled`."""
     counts = account[list(OUTCOMES)].sum()
-    culled, simulated = int(account["culled"].sum()), int(counts.sum())
+    culled, near = int(account["culled"].sum()), int(counts.sum())
     figure = new_figure(WIDE_IN * 0.85, 2.3)
     axes = figure.subplots()
-    shares = counts / max(simulated, 1)
+    shares = counts / max(near, 1)
     colours = ["#D55E00" if name == "held" else "0.6" for name in OUTCOMES]
     axes.barh(list(OUTCOMES.values()), shares, color=colours, height=0.62)
     for i, (share, count) in enumerate(zip(shares, counts, strict=True)):
         axes.text(share + 0.01, i, f"{100 * share:.1f}%  ({int(count):,})", va="center", fontsize=8)
     axes.invert_yaxis()
-    axes.set(xlim=(0, min(1.25, shares.max() * 1.3 + 0.05)), xlabel="share of simulated attempts")
+    axes.set(xlim=(0, min(1.25, shares.max() * 1.3 + 0.05)), xlabel="share of attempts that touch the object")
     axes.set_title(
-        f"{simulated:,} simulated; {culled:,} that touch nothing were not",
+        f"{near:,} attempts; {culled:,} more provably touch nothing",
         fontsize=8,
         loc="left",
     )

@@ -69,13 +69,14 @@ def _table(trials: pd.DataFrame, objects: str, pair_by: list[str], cells: list[t
 
 def _labels(account: pd.DataFrame, label_attempts: int) -> dict[str, float]:
     done = account[list(OUTCOMES)].sum()
-    simulated, culled = int(done.sum()), int(account["culled"].sum())
+    near, culled = int(done.sum()), int(account["culled"].sum())
     return {
         "objects": int((account["status"] == "labelled").sum()),
         "attempts_per_pose": label_attempts,
-        "attempts": simulated + culled,
-        "held_share_of_all": float(done["held"] / max(simulated + culled, 1)),
-        "held_share_of_simulated": float(done["held"] / max(simulated, 1)),
+        "attempts": near + culled,
+        "held_share_of_all": float(done["held"] / max(near + culled, 1)),
+        "held_share_of_touching": float(done["held"] / max(near, 1)),
+        "objects_with_a_pose_that_always_holds": int((account["best"] == label_attempts).sum()),
         "diverged": int(done["diverged"]),
     }
 

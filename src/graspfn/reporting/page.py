@@ -133,6 +133,8 @@ def counts(inputs: ReportInputs) -> list[tuple[str, str]]:
     rows.append(("objects labelled", f"{int(labelled.sum()):,}"))
     for reason, count in account.loc[~labelled, "status"].value_counts().sort_index().items():
         rows.append((f"objects not labelled: {reason}", f"{count:,}"))
+    sure = int((account["best"] == inputs.params.label.attempts).sum())
+    rows.append(("training objects with a pose at which every attempt holds", f"{sure}"))
     rows.append(("attempts that provably touch nothing, not simulated", f"{int(account['culled'].sum()):,}"))
     rows += [(f"attempts {meaning}", f"{int(account[name].sum()):,}") for name, meaning in OUTCOMES.items()]
     rows.append(("trials behind Table 1", f"{len(inputs.trials):,}"))
