@@ -22,6 +22,10 @@ ANGLES = SHAPE[2]  # an object is labelled in as many parts, so that one large o
 LABELS, ACCOUNT = Path("data/labels.npz"), Path("data/label_account.parquet")
 
 
+class LabelError(ValueError):
+    """Too many objects could not be labelled."""
+
+
 def label_part(
     name: str,
     angle: int,
@@ -43,7 +47,7 @@ def main(params: Declared) -> None:
     poses = {row["id"]: T_world_object(row) for row in placed.to_dict("records")}
     shards = {}
     for name, T in poses.items():
-        key = shard_key(name, MESHES / f"{name}.ply", T.tolist(), what, params.seed, code)
+        key = shard_key(name, MESHES / f"{name}.ply", T.tolist(), what, params.seed, code, Path(__file__))
         shards[name] = shard_path("label_grasps", key)
     todo = [name for name, path in shards.items() if not path.exists()]
     if len(todo) < len(shards):
@@ -66,7 +70,8 @@ def main(params: Declared) -> None:
             account = {f"account_{key}": np.array(count) for key, count in labels.account.items()}
             write_npz(shards[name], {"successes": labels.successes, **account})
     if len(failed) > params.label.max_failed * len(shards):
-        raise LabelError(f"{len(failed)} of {len(shards)} objects failed, more than label.max_failed allows: {failed}")
+        first = next(f"{name}: {reason}" for name, reason in failed.items())
+        raise LabelError(f"{len(failed)} of {len(shards)} objects failed, above label.max_failed; the first, {first}")
 
     done = {name: read_npz(path) for name, path in shards.items() if name not in failed}
     write_npz(
@@ -88,10 +93,6 @@ def main(params: Declared) -> None:
     ]
     write_parquet(ACCOUNT, pd.DataFrame(rows))
     sweep("label_grasps", shards.values())
-
-
-class LabelError(ValueError):
-    """Too many objects could not be labelled."""
 
 
 if __name__ == "__main__":

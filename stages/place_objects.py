@@ -16,6 +16,10 @@ from graspfn.workflow.stage import stage
 OBJECTS, OUT = Path("data/objects"), Path("data/placed")
 
 
+class PlacementError(ValueError):
+    """Nothing to see or to grasp."""
+
+
 def settle_object(name: str, mesh: trimesh.Trimesh, physics: Physics, settling: Settle, seed: int) -> Settled:
     return settle(mesh, physics, settling, generator(seed, "place_objects", name))
 
@@ -37,6 +41,8 @@ def main(params: Declared) -> None:
                 result = Settled(str(result), np.eye(4))
             rows.append(placed_row(row["id"], row["class"], result.status, result.T_world_object))
         table = write_placed(OUT / f"{split}.parquet", rows)
+        if not (table["status"] == RESTING).any():
+            raise PlacementError(f"{split}: none of {len(table)} objects came to rest ({table['status'].iloc[0]}, ...)")
         print(f"{split}: {(table['status'] == RESTING).sum()} of {len(table)} objects rest")
         for left in table[table["status"] != RESTING].itertuples():
             print(f"left out {left.id}: {left.status}")

@@ -23,6 +23,7 @@ from graspfn.params import Declared
 from graspfn.robot.read import read_trial, recordings
 from graspfn.robot.record import write_trial
 from graspfn.robot.simulated import Scene, file_name, record, see
+from graspfn.workflow.files import keep_only
 from graspfn.workflow.parallel import map_objects
 from graspfn.workflow.seeds import generator
 from graspfn.workflow.stage import stage
@@ -64,6 +65,7 @@ def simulated_tasks(params: Declared) -> Iterator[tuple[str, tuple[Any, ...]]]:
 
 @stage("record_robot")
 def main(params: Declared) -> None:
+    keep_only(NETWORKS, params.networks)
     shutil.rmtree(OUT, ignore_errors=True)
     OUT.mkdir(parents=True)
     if params.robot.source == "folder":

@@ -5,11 +5,13 @@ from pathlib import Path
 from graspfn.params import Declared
 from graspfn.reporting.inputs import load_inputs
 from graspfn.reporting.report import write_report
+from graspfn.workflow.files import keep_only
 from graspfn.workflow.stage import stage, timings
 
 
 @stage("report")
 def main(params: Declared) -> None:
+    keep_only(Path("data/pretrained"), params.networks)
     write_report(load_inputs(Path("data"), params, timings()), Path("reports"))
 
 

@@ -7,7 +7,7 @@ import trimesh
 from graspfn.geometry.camera import Intrinsics
 from graspfn.geometry.transforms import T_world_scene, translation
 from graspfn.geometry.warp import move_image
-from graspfn.imaging.placement import random_placement, random_placements, shift_range, visible_hull
+from graspfn.imaging.placement import FlatObject, random_placement, random_placements, shift_range, visible_hull
 from graspfn.imaging.render import render_depth
 
 CAMERA = Intrinsics(640, 480, 570.0)
@@ -100,6 +100,8 @@ def test_one_pixel_wide_objects_have_a_place(rng):
     assert np.isfinite(shift).all()
 
 
-def test_an_empty_table_is_one_line(rng):
-    with pytest.raises(ValueError, match=r"^depth image: no object stands above the table$"):
-        random_placement(np.full((480, 640), TABLE), CAMERA, rng)
+def test_what_is_too_flat_to_see_stays_in_the_centre(rng):
+    with pytest.raises(FlatObject, match=r"^depth image: no object stands above the table$"):
+        visible_hull(np.full((480, 640), TABLE), CAMERA)
+    shift, _ = random_placement(np.full((480, 640), TABLE), CAMERA, rng)
+    assert (shift == 0).all()

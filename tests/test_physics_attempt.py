@@ -12,8 +12,10 @@ from physics_params import ATTEMPT, GRIPPER, PARAMS, PHYSICS, SETTLE
 from graspfn.evaluation.trials import Bench
 from graspfn.geometry import grid
 from graspfn.geometry.transforms import apply, move_pose, rotation_z, translation
+from graspfn.meshes import procedural
 from graspfn.meshes.placed import RESTING
 from graspfn.physics.attempt import Grasper, Outcome
+from graspfn.physics.bodies import collision_mesh, farthest, sole
 from graspfn.physics.culling import touches_nothing
 from graspfn.physics.gripper import Kinematics
 from graspfn.physics.labelling import label_object
@@ -159,3 +161,25 @@ def test_labels_account_for_every_attempt() -> None:
     assert sum(labels.account.values()) == 8712
     assert labels.account["held"] == labels.successes.sum()
     assert PARAMS.label.attempts * 8712 == 43560
+
+
+@pytest.mark.parametrize("category", sorted(procedural.CATEGORIES))
+def test_a_collision_mesh_keeps_shape_and_mass(category: str) -> None:
+    mesh = procedural.generate(category, np.random.default_rng(2))
+    mesh.apply_scale(0.1 / mesh.extents.max())
+    mesh.apply_translation(-mesh.center_mass)
+    tolerance = PHYSICS.tolerance_mm / 1e3
+    surface = collision_mesh(mesh, PHYSICS.faces, tolerance)
+    assert farthest(mesh.vertices, surface) <= tolerance
+    assert farthest(surface.vertices, mesh) <= tolerance
+    world = TableWorld(mesh, PHYSICS)
+    assert world.object.getMass() == pytest.approx(mesh.volume * PHYSICS.density_kgm3, rel=1e-3)
+    assert world.object.getCOM() == pytest.approx([0, 0, 0], abs=1e-6)
+
+
+def test_the_sole_reaches_as_far_as_the_mesh() -> None:
+    ball = trimesh.creation.icosphere(4, 0.05)  # 2562 vertices, thinned out
+    for mesh in (ball, RING):
+        for direction in np.random.default_rng(0).normal(size=(50, 3)):
+            unit = direction / np.linalg.norm(direction)
+            assert (sole(mesh) @ unit).max() == pytest.approx((mesh.vertices @ unit).max(), abs=1e-3)

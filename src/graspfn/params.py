@@ -6,6 +6,7 @@ Values only: no stage depends on this file (DVC tracks the values themselves), s
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
 import types
 import typing
@@ -16,6 +17,7 @@ from typing import Annotated, Any, TypeVar
 import yaml
 
 T = TypeVar("T")
+LOOK_MS = 10  # attempts look at their state this often, and so take steps of which so much is a multiple
 
 
 class ParameterError(ValueError):
@@ -103,7 +105,10 @@ class Physics:
     detector: Annotated[str, Key("DART collision detector", one_of=("ode", "fcl", "bullet", "dart"))]
     friction: Annotated[float, Key("Coulomb coefficient of every contact", above=0)]
     density_kgm3: Annotated[float, Key("object density, kg/m^3", above=0)]
-    faces: Annotated[int, Key("most faces of a collision mesh; the rendered mesh keeps all of its own", at_least=20)]
+    faces: Annotated[int, Key("faces of a collision mesh; the rendered mesh keeps all of its own", at_least=20)]
+    tolerance_mm: Annotated[
+        float, Key("most a collision mesh departs from the mesh; else it keeps more faces", above=0)
+    ]
 
 
 @dataclass(frozen=True)
@@ -127,7 +132,7 @@ class Attempt:
 class Label:
     """Labelling of every pose of Q (paper III-C)."""
 
-    attempts: Annotated[int, Key("attempts per pose, drawn uniformly inside its cell", at_least=1)]
+    attempts: Annotated[int, Key("attempts per pose, drawn uniformly inside its cell", at_least=1, at_most=255)]
     max_failed: Annotated[float, Key("fraction of objects that may fail before the stage does", at_least=0, at_most=1)]
 
 
@@ -271,7 +276,11 @@ def _typed(hint: Any, value: Any, key: str) -> Any:
     if origin is types.UnionType:
         return None if value is None else _typed(args[0], value, key)
     if hint is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
+        value = float(value)
+    if hint is float and isinstance(value, str) and re.fullmatch(r"[+-]?\d+[eE][+-]?\d+", value):
+        value = float(value)  # YAML 1.1 reads 1e-3 as text
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ParameterError(f"{key}: takes float, not {value}")
     if not isinstance(value, hint) or (isinstance(value, bool) and hint is not bool) or value != value:
         raise ParameterError(f"{key}: takes {hint.__name__}, not {value!r}")
     return value
@@ -313,6 +322,14 @@ def validate(values: Any) -> Params:
             raise ParameterError(f"networks: {name!r} is not a key of `network` ({', '.join(params.network)})")
     if params.meshes.size_max_cm < params.meshes.size_min_cm:
         raise ParameterError("meshes.size_max_cm: below meshes.size_min_cm")
+    if params.gripper.gear_friction_nm >= params.gripper.torque_nm:
+        raise ParameterError("gripper.gear_friction_nm: takes less than gripper.torque_nm, else no finger moves")
+    looks = LOOK_MS / params.physics.time_step_ms
+    if abs(looks - round(looks)) > 1e-9:
+        raise ParameterError(f"physics.time_step_ms: takes a step that goes into {LOOK_MS} ms without rest")
+    for name in ("sigma_uv_mm", "sigma_theta_deg"):
+        if len(set(getattr(params.evaluate, name))) < len(getattr(params.evaluate, name)):
+            raise ParameterError(f"evaluate.{name}: takes each value once")
     if len(params.robot.sigma_uv_mm) != len(params.robot.sigma_theta_deg):
         raise ParameterError("robot.sigma_theta_deg: takes as many values as robot.sigma_uv_mm")
     return params

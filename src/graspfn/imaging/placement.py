@@ -10,6 +10,10 @@ from graspfn.geometry.camera import Intrinsics
 MIN_HEIGHT_M = 0.0005  # a pixel lower than this is table
 
 
+class FlatObject(ValueError):
+    """Nothing in an image stands out of the table."""
+
+
 def visible_hull(depth: np.ndarray, intrinsics: Intrinsics) -> np.ndarray:
     """depth: (480, 640) noise-free, metres -> (H, 3) float64 (u, v, depth) [m]: vertices of the hull of what is seen.
 
@@ -18,7 +22,7 @@ def visible_hull(depth: np.ndarray, intrinsics: Intrinsics) -> np.ndarray:
     """
     rows, columns = np.nonzero(depth < intrinsics.table_depth - MIN_HEIGHT_M)
     if not len(rows):
-        raise ValueError("depth image: no object stands above the table")
+        raise FlatObject("depth image: no object stands above the table")
     z = depth[rows, columns].astype(float)
     uv = (np.column_stack([columns, rows]) - intrinsics.centre) * (z / intrinsics.focal)[:, None]
     points = np.column_stack([uv, z])
@@ -55,8 +59,11 @@ def random_placements(
     depth: (480, 640) noise-free image of the object in the centre. The angle is uniform on a full turn, the shift
     uniform where the whole object stays in view; along an axis where that has no room the object stays in the centre.
     """
-    hull = visible_hull(depth, intrinsics)
     theta = rng.uniform(0, 2 * np.pi, count)
+    try:
+        hull = visible_hull(depth, intrinsics)
+    except FlatObject:  # a card: there is nothing to keep in view
+        return np.zeros((count, 2)), theta
     # A hundred at a time: every angle meets every vertex, and a curved object has thousands.
     ranges = [shift_range(hull, some, intrinsics) for some in np.array_split(theta, -(-count // 100))]
     low, high = (np.concatenate(ends) for ends in zip(*ranges, strict=True))

@@ -70,9 +70,9 @@ class SampleImages:
         return torch.from_numpy(area_average(moved.numpy()) * np.float32(1 / UNIT_M))[None]
 
     def hashed(self, *arrays: np.ndarray) -> str:
-        """A digest of the table, of `arrays` and of one image, to tell whether a checkpoint was made from the same."""
+        """A digest of the table, the images and `arrays`, to tell whether a checkpoint was made from the same."""
         digest = hashlib.sha256(repr((self.intrinsics, self.noise, self.images.shape)).encode())
-        for array in (self.rows, self.shifts, self.theta, self.noise_seeds, self.images[0], *arrays):
+        for array in (self.rows, self.shifts, self.theta, self.noise_seeds, self.images, *arrays):
             digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()
 

@@ -20,7 +20,7 @@ class Outcome(enum.StrEnum):
     UNTOUCHED = "untouched"  # the whole closing goes clear of the resting object: nothing need be simulated
     MISSED = "missed"  # the fingers met each other, not the object
     LEFT = "left"  # the object stayed on, or fell back towards, the table
-    DIVERGED = "diverged"  # the simulation ran away: not a label
+    DIVERGED = "diverged"  # the simulation ran away: counted apart, and as no success
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,7 @@ CHECK_S = 0.010  # states are looked at this often
 STILL_S = 0.050  # fingers and object still for so long: the rest of the closing changes nothing
 LOST_S = 0.060  # no touch for so long while the hand rises: the hand has left 6 mm behind
 RIGID_S = 0.120  # object and hand moved as one for so long, off the table: nothing pulls them apart later
+CLEAR_M = 5e-3  # an object is off the table from here: landing bodies bounce by less
 FAR_M = 5.0  # out of the hand's reach
 STILL_M_S, STILL_RAD_S = 2e-3, 4e-2
 
@@ -158,6 +159,6 @@ class Grasper:
             if lost >= LOST_S:
                 return False
             rigid = rigid + CHECK_S if self._still() else 0.0
-            if rigid >= RIGID_S and self.world.lowest_point() > 5e-3:
+            if rigid >= RIGID_S and self.world.lowest_point() > CLEAR_M:
                 return True
-        return self.world.lowest_point() > 0.0 and self.world.hand_touches_object()
+        return self.world.lowest_point() > CLEAR_M and self.world.hand_touches_object()

@@ -10,10 +10,10 @@ import numpy as np
 import trimesh
 
 from graspfn.meshes.cleaning import mass_properties
-from graspfn.params import Gripper, Physics
+from graspfn.params import Gripper
 from graspfn.physics.gripper import Kinematics
 
-SOLE_FACES = 400  # up to 202 points
+SOLE_POINTS = 200  # a hull with more vertices is thinned out to about so many
 POINT_M = 1e-4  # radius of a point: DART has none without one
 TINY = 1e-6  # share of the mass that DART wants of the sole, which is only a surface
 
@@ -28,19 +28,55 @@ def table() -> dart.dynamics.Skeleton:
     return table
 
 
-def collision_mesh(mesh: trimesh.Trimesh, faces: int) -> trimesh.Trimesh:
-    """The mesh with no more than `faces` faces: contacts, and with them the time of a step, grow with the faces."""
-    return mesh if len(mesh.faces) <= faces else mesh.simplify_quadric_decimation(face_count=faces)
+def collision_mesh(mesh: trimesh.Trimesh, faces: int, tolerance: float) -> trimesh.Trimesh:
+    """The mesh with about `faces` faces, or as many more as keep it within `tolerance` (m) of the mesh.
 
-
-def free_object(mesh: trimesh.Trimesh, sole: np.ndarray, physics: Physics) -> dart.dynamics.Skeleton:
-    """A free body that meets the gripper with its mesh, and glued to it one that meets the table with points.
-
-    sole: (n, 3) vertices of the mesh's convex hull. A body meets a half-space where its convex hull does, so these
-    points are all that the table can touch; the mesh itself would give a hundred doubled contacts on a flat face, and
-    steps of milliseconds. DART reads meshes through URDF alone, so one is written for the loader.
+    Contacts, and with them the time of a step, grow with the faces. What comes back may be open: it is a surface to
+    touch, while mass and inside are those of the mesh itself.
     """
-    mass, inertia = mass_properties(mesh, physics.density_kgm3)
+    while faces < len(mesh.faces):
+        simple = mesh.simplify_quadric_decimation(face_count=faces)
+        if max(farthest(mesh.vertices, simple), farthest(simple.vertices, mesh)) <= tolerance:
+            return simple
+        faces += faces // 2
+    return mesh
+
+
+def farthest(points: np.ndarray, mesh: trimesh.Trimesh) -> float:
+    """Largest distance of points (n, 3) from the surface of a mesh, metres."""
+    triangles = mesh.triangles
+    worst = 0.0
+    for part in np.array_split(points, max(1, len(points) * len(triangles) // 200_000)):
+        every = np.repeat(part, len(triangles), axis=0)
+        nearest = trimesh.triangles.closest_point(np.tile(triangles, (len(part), 1, 1)), every)
+        distance = np.linalg.norm(nearest - every, axis=1).reshape(len(part), -1).min(axis=1)
+        worst = max(worst, float(distance.max()))
+    return worst
+
+
+def sole(mesh: trimesh.Trimesh) -> np.ndarray:
+    """(n, 3) vertices of the mesh's convex hull, all of them or those farthest in SOLE_POINTS even directions.
+
+    A body meets a half-space where its convex hull does, so these are all that a table can touch.
+    """
+    points = np.asarray(mesh.convex_hull.vertices)
+    if len(points) <= SOLE_POINTS:
+        return points
+    i = np.arange(SOLE_POINTS) + 0.5  # a Fibonacci spiral on the sphere
+    z, turn = 1 - 2 * i / len(i), np.pi * (1 + 5**0.5) * i
+    directions = np.column_stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z])
+    return points[np.unique(np.argmax(points @ directions.T, axis=0))]
+
+
+def free_object(
+    mesh: trimesh.Trimesh, surface: trimesh.Trimesh, points: np.ndarray, density: float
+) -> dart.dynamics.Skeleton:
+    """A free body with the mass of `mesh` that meets the gripper with `surface`, and glued to it one of `points`.
+
+    points: (n, 3) of `sole`, which meet the table; a mesh would meet it with a hundred doubled contacts on a flat face,
+    and steps of milliseconds. DART reads meshes through URDF alone, so one is written for the loader.
+    """
+    mass, inertia = mass_properties(mesh, density)
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia.tolist()
     urdf = f"""<robot name="object"><link name="object">
         <inertial><mass value="{mass}"/>
@@ -48,7 +84,7 @@ def free_object(mesh: trimesh.Trimesh, sole: np.ndarray, physics: Physics) -> da
         <collision><geometry><mesh filename="object.obj"/></geometry></collision>
     </link></robot>"""
     with tempfile.TemporaryDirectory(prefix="graspfn-") as folder:
-        mesh.export(Path(folder) / "object.obj")
+        surface.export(Path(folder) / "object.obj")
         path = Path(folder) / "object.urdf"
         path.write_text(urdf)
         skeleton = dart.utils.DartLoader().parseSkeleton(str(path))
@@ -60,7 +96,7 @@ def free_object(mesh: trimesh.Trimesh, sole: np.ndarray, physics: Physics) -> da
     inertia.setMoment(np.diag([xx, yy, zz]) * TINY)
     glued.setInertia(inertia)
     ball = dart.dynamics.SphereShape(POINT_M)
-    for vertex in sole:
+    for vertex in points:
         shape = glued.createShapeNode(ball)
         shape.createCollisionAspect()
         shape.createDynamicsAspect()

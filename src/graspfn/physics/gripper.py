@@ -55,7 +55,8 @@ class Kinematics:
     def reach(self) -> float:
         """Farthest point of the open fingers from the hand's axis along the closing direction, metres."""
         a = self.open_angle
-        return float(self.knuckle_x - self.length * np.sin(a) + self.thickness / 2 * np.cos(a))
+        tip = self.knuckle_x - self.length * np.sin(a) + self.thickness / 2 * np.cos(a)
+        return float(max(tip, self.knuckle_x + self.thickness / 2))
 
     def parts(self, angles: tuple[float, float]) -> list[tuple[np.ndarray, np.ndarray]]:
         """Boxes of palm, left and right finger as (T_hand_box (4, 4), size (3,)) at the finger angles (left, right)."""

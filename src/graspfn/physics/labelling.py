@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import gc
 from collections import Counter
 from collections.abc import Sequence
@@ -48,8 +49,7 @@ def label_object(
 
     `angles` picks some of Q's angles: labels of an object may be made in parts, which `joined` puts together.
     """
-    # The collector would walk every imported module again and again: a tenth of the time.
-    gc.freeze()
+    _freeze_imports()
     world = GraspWorld(mesh, physics, gripper)
     grasper = Grasper(world, T_world_object, attempt)
     draws = grid.sample_cells(attempts, rng)[:, :, angles]
@@ -64,6 +64,13 @@ def label_object(
         account[CULLED if outcome is Outcome.UNTOUCHED else outcome.value] += 1
     successes = held.reshape(draws.shape[:-1]).sum(axis=-1).astype(np.uint8)
     return Labels(successes, dict(account))
+
+
+@functools.cache
+def _freeze_imports() -> None:
+    """The collector would walk every imported module again and again: a tenth of the time."""
+    gc.collect()
+    gc.freeze()
 
 
 def joined(parts: Sequence[Labels]) -> Labels:

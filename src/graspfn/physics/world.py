@@ -7,6 +7,7 @@ import numpy as np
 import trimesh
 
 from graspfn.geometry.transforms import T_world_grasp, apply
+from graspfn.meshes.cleaning import solid
 from graspfn.params import Gripper, Physics
 from graspfn.physics import bodies
 from graspfn.physics.gripper import Kinematics
@@ -27,8 +28,7 @@ class Diverged(RuntimeError):
 class TableWorld:
     """One object on a table. States are restored, never rebuilt.
 
-    mesh: metres, origin at the centre of mass; `self.mesh` is what collides, `self.points` the (n, 3) hull vertices
-    that stand on the table.
+    mesh: metres, origin at the centre of mass. `points`: the (n, 3) hull vertices that stand on the table.
     """
 
     def __init__(self, mesh: trimesh.Trimesh, physics: Physics):
@@ -44,10 +44,12 @@ class TableWorld:
         # dartpy hands out a copy of the options, but the filter in it is the solver's own.
         self._filter = solver.getCollisionOption().collisionFilter
         self.friction = physics.friction
-        self.mesh = bodies.collision_mesh(mesh, physics.faces)
-        self.points = np.asarray(bodies.collision_mesh(self.mesh.convex_hull, bodies.SOLE_FACES).vertices)
-        self.object = bodies.free_object(self.mesh, self.points, physics)
+        self.mesh = mesh
+        self.points = bodies.sole(mesh)
+        surface = bodies.collision_mesh(mesh, physics.faces, physics.tolerance_mm / 1e3)
+        self.object = bodies.free_object(mesh, surface, self.points, physics.density_kgm3)
         self.table = bodies.table()
+        self._closed = solid(mesh) is mesh
         self._body, self._sole = self.object.getBodyNodes()
         for skeleton in (self.table, self.object):
             self._add(skeleton)
@@ -124,7 +126,7 @@ class GraspWorld(TableWorld):
 
     def hand_inside_object(self) -> bool:
         """Whether palm or a finger lies wholly inside a closed object, where no surfaces meet."""
-        if not self.mesh.is_watertight:
+        if not self._closed:
             return False
         shapes = (body.getShapeNode(0) for body in self.hand.getBodyNodes())
         centres = np.array([shape.getWorldTransform().translation() for shape in shapes])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import uuid
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -14,6 +15,10 @@ from tqdm import tqdm
 from graspfn.params import Compute
 
 ATTEMPTS_PER_TASK = 3  # DART can take its process down; a task that kills three workers is recorded as failed
+
+
+class ClusterError(ValueError):
+    """No scheduler where there should be one."""
 
 
 @contextmanager
@@ -34,7 +39,11 @@ def cluster(compute: Compute) -> Iterator[Client]:
         }
     ):
         if compute.address:
-            with Client(compute.address) as client:
+            try:
+                client = Client(compute.address)
+            except (OSError, ValueError) as error:
+                raise ClusterError(f"compute.address: no scheduler at {compute.address} ({error})") from None
+            with client:
                 yield client
             return
         workers = compute.workers or os.cpu_count() or 1
@@ -67,15 +76,18 @@ def map_objects(
         names: dict[Any, str] = {}
         pending = as_completed(with_results=False)
 
-        def submit() -> None:
-            for name, arguments in waiting:
-                future = client.submit(function, *arguments, pure=False, key=f"{label}-{name}")
+        call = uuid.uuid4().hex  # other calls may be on the same scheduler
+
+        def fill() -> None:
+            while len(names) < 3 * max(1, len(client.nthreads())):  # workers come and go
+                name, arguments = next(waiting, (None, ()))
+                if name is None:
+                    return
+                future = client.submit(function, *arguments, pure=False, key=f"{label}-{name}-{call}")
                 names[future] = name
                 pending.add(future)
-                return
 
-        for _ in range(3 * max(1, len(client.nthreads()))):
-            submit()
+        fill()
         for future in pending:
             name = names.pop(future)
             try:
@@ -84,6 +96,6 @@ def map_objects(
                 result = RuntimeError(f"{name}: killed its worker process {ATTEMPTS_PER_TASK} times")
             except Exception as error:
                 result = error
-            submit()
+            fill()
             bar.update()
             yield name, result

@@ -7,6 +7,7 @@ import json
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from graspfn.params import Declared, load
@@ -19,7 +20,7 @@ TIMINGS = SCRATCH / "timings"
 def stage(name: str) -> Callable[[Callable[[Declared], None]], Callable[[], None]]:
     """Make `main(params)` the script of a stage of dvc.yaml; of a matrix stage, the script's argument is the network.
 
-    Bad input (a ValueError of our own or a file that is not there) ends it with one line and exit status 1.
+    Bad input (a ValueError that graspfn itself raises) ends it with one line and exit status 1.
     """
 
     def decorate(main: Callable[[Declared], None]) -> Callable[[], None]:
@@ -29,8 +30,8 @@ def stage(name: str) -> Callable[[Callable[[Declared], None]], Callable[[], None
             started = time.monotonic()
             try:
                 main(load(name, network))
-            except (ValueError, FileNotFoundError) as error:
-                if type(error) is ValueError:  # not one of ours: a bug, which deserves its traceback
+            except ValueError as error:
+                if not _ours(error):  # a bug, which deserves its traceback
                     raise
                 sys.exit(f"{name}: {' '.join(str(error).split())}")
             full_name = f"{name}@{network}" if network else name
@@ -40,6 +41,14 @@ def stage(name: str) -> Callable[[Callable[[Declared], None]], Callable[[], None
         return run
 
     return decorate
+
+
+def _ours(error: BaseException) -> bool:
+    """Whether graspfn itself, and not a library that it calls, raised the error."""
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    return trace is not None and Path(trace.tb_frame.f_code.co_filename).is_relative_to(Path(__file__).parents[1])
 
 
 def timings() -> dict[str, Any]:
