@@ -146,18 +146,18 @@ def _images(inputs: ReportInputs) -> Iterator[Plate]:
         f"image of {labelled.id}.",
         figures_images.draw_noise(labelled.depth, labelled.noisy, camera),
     )
-    simulated = bool(inputs.robot_trials["simulated"].any())
+    recorded, simulated = inputs.recorded, bool(inputs.robot_trials["simulated"].any())
     yield Plate(
         "inpainting",
         f"A recorded depth image before and after hole filling. {who_recorded(inputs.robot_trials)}",
-        figures_images.draw_inpainting(inputs.recorded.raw, inputs.recorded.filled, camera, simulated),
+        figures_images.draw_inpainting(recorded.raw, recorded.filled, recorded.camera, simulated),
     )
-    if inputs.recorded.grasps:
+    if recorded.grasps:
         yield Plate(
             "example_grasps",
             "Successful trials, one per object: the commanded pose and the pose reached over the recorded depth image. "
             + who_recorded(inputs.robot_trials),
-            figures_images.draw_example_grasps(inputs.recorded.grasps, params.gripper.opening_mm, camera, simulated),
+            figures_images.draw_example_grasps(recorded.grasps, params.gripper.opening_mm, recorded.camera, simulated),
         )
 
 

@@ -47,8 +47,12 @@ class PredictedExample:
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """From the recordings: one depth image as it came and filled (480, 640), and some successful grasps."""
+    """From the recordings: one depth image as it came and filled (height, width), and some successful grasps.
 
+    camera: what took them, which need not be the camera of the parameters.
+    """
+
+    camera: Intrinsics
     raw: np.ndarray
     filled: np.ndarray
     grasps: tuple[ExecutedGrasp, ...]
@@ -138,12 +142,14 @@ def _recorded(data: Path, trials: pd.DataFrame, params: Any) -> Recorded:
     order = trials.assign(robust=trials["method"] != "Robust Best Grasp", failed=~trials["success"])
     order = order.sort_values(["failed", "robust", "sigma_uv_mm", "object", "placement", "network"])
     chosen = order[~order["failed"]].drop_duplicates("object").head(SHOWN_GRASPS)
-    raw = read_trial(data / "recordings" / order["file"].iloc[0], params.topics).depth
+    first = read_trial(data / "recordings" / order["file"].iloc[0], params.topics)
+    height, width = first.depth.shape
+    camera = Intrinsics(width, height, float(first.camera_matrix[0, 0]))
     grasps = []
     for line in chosen.to_dict("records"):
         trial = read_trial(data / "recordings" / line["file"], params.topics)
         grasps.append(ExecutedGrasp(line["object"], fill_holes(trial.depth), trial.commanded, trial.achieved))
-    return Recorded(raw, fill_holes(raw), tuple(grasps))
+    return Recorded(camera, first.depth, fill_holes(first.depth), tuple(grasps))
 
 
 def _objects(data: Path) -> tuple[tuple[str, trimesh.Trimesh, np.ndarray], ...]:
