@@ -10,8 +10,8 @@ import yaml
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "graspfn"
-ROOMS = ["workflow", "geometry", "meshes", "physics", "imaging", "learning", "planning", "evaluation", "robot"]
-ROOMS += ["reporting"]
+ROOMS = ["workflow", "geometry", "meshes", "selection", "physics", "imaging", "learning", "planning"]
+ROOMS += ["evaluation", "robot", "reporting"]
 STAGES = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
 
 

@@ -142,7 +142,7 @@ def test_composing_leaves_hydra_as_it_was():
         ("evaluate.sigma_uv_mm=[5,-10]", "evaluate.sigma_uv_mm: "),
         ("evaluate.sigma_uv_mm=5", "evaluate.sigma_uv_mm: takes a list"),
         ("robot.sigma_uv_mm=[5]", "robot.sigma_theta_deg: takes as many values"),
-        ("meshes.source=shapenet", "meshes.source: 'shapenet' is not one of procedural, folder"),
+        ("meshes.source=shapenet", "meshes.source: 'shapenet' is not one of procedural, open_objects, rgb_objects"),
         ("meshes.size_max_cm=1", "meshes.size_max_cm: "),
         ("networks=[vgg]", "networks: 'vgg'"),
         ("networks=[alexnet", "networks=[alexnet: "),

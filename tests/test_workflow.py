@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 import time
@@ -13,7 +14,7 @@ import pytest
 
 from graspfn.params import Compute
 from graspfn.workflow.files import atomic, read_npz, write_npz, write_parquet
-from graspfn.workflow.parallel import map_objects
+from graspfn.workflow.parallel import map_in_order, map_objects
 from graspfn.workflow.seeds import generator, seed_of
 from graspfn.workflow.shards import code_digest, shard_key
 
@@ -59,6 +60,13 @@ def test_a_task_that_kills_its_worker_costs_itself_alone() -> None:
     assert {name: found[name] for name in ("one", "two", "three")} == {"one": "ONE", "two": "TWO", "three": "THREE"}
     assert "killed its worker" in str(found["dies"])
     assert "not this one" in str(found["fails"])
+
+
+def test_a_map_in_order_may_have_no_end() -> None:
+    """Results come in the order of the tasks, however long each takes, until the caller has had enough."""
+    tasks = ((name, (name,)) for name in map(str, itertools.count()))
+    found = list(itertools.islice(map_in_order(draw, tasks, 12, compute(2), "draw"), 12))
+    assert found == [(str(k), draw(str(k))) for k in range(12)]
 
 
 def test_no_tasks_start_no_cluster() -> None:

@@ -17,6 +17,7 @@ from typing import Annotated, Any, TypeVar
 import yaml
 
 T = TypeVar("T")
+SOURCES = ("procedural", "open_objects", "rgb_objects", "random_urdfs", "ycb", "modelnet40", "folder")
 LOOK_MS = 10  # attempts look at their state this often, and so take steps of which so much is a multiple
 
 
@@ -52,12 +53,19 @@ class Key:
 class Meshes:
     """Where objects come from and how many (paper III, 'Objects were selected ...')."""
 
-    source: Annotated[str, Key("source of object meshes", one_of=("procedural", "folder"))]
-    folder: Annotated[str, Key("directory of mesh files, for source: folder")]
+    source: Annotated[str, Key("source", one_of=SOURCES)]
+    folder: Annotated[str, Key("directory or .zip of mesh files, for sources folder and modelnet40")]
+    split: Annotated[str, Key("what training and test objects never share", one_of=("shape", "family"))]
     train: Annotated[int, Key("objects to train on", at_least=1)]
     test: Annotated[int, Key("other objects to test on", at_least=1)]
     size_min_cm: Annotated[float, Key("smallest largest-dimension of an object, cm", above=0)]
     size_max_cm: Annotated[float, Key("largest largest-dimension of an object, cm", above=0)]
+    collision_faces: Annotated[
+        int, Key("faces of a collision mesh; the rendered mesh keeps all of its own", at_least=20)
+    ]
+    collision_tolerance_mm: Annotated[
+        float, Key("most a collision mesh departs from the mesh; else it keeps more faces", above=0)
+    ]
 
 
 @dataclass(frozen=True)
@@ -105,10 +113,6 @@ class Physics:
     detector: Annotated[str, Key("DART collision detector", one_of=("ode", "fcl", "bullet", "dart"))]
     friction: Annotated[float, Key("Coulomb coefficient of every contact", above=0)]
     density_kgm3: Annotated[float, Key("object density, kg/m^3", above=0)]
-    faces: Annotated[int, Key("faces of a collision mesh; the rendered mesh keeps all of its own", at_least=20)]
-    tolerance_mm: Annotated[
-        float, Key("most a collision mesh departs from the mesh; else it keeps more faces", above=0)
-    ]
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""Sources of objects, cleaning, scaling, the train/test split (paper III)."""
+"""Objects as the other stages find them: meshes and manifest on disk, mass, where each was placed."""

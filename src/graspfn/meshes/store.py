@@ -1,8 +1,9 @@
-"""Objects on disk: one PLY in metres for each, and a manifest that says where it came from."""
+"""Objects on disk: two PLY in metres for each, to see and to touch, and a manifest that says where it came from."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,34 +12,56 @@ import trimesh
 from trimesh.exchange.ply import export_ply
 
 from graspfn.meshes.errors import MeshError
-from graspfn.meshes.folder import read_mesh
+from graspfn.meshes.reading import read_mesh
 
+Row = dict[str, Any]
 MANIFEST = "manifest.parquet"
 COLUMNS = {
     "id": "str",
     "source": "str",
     "name": "str",
     "class": "str",
-    "scale": "float64",  # units of the file to metres
+    "family": "str",  # what a split by family keeps on one side
+    "licence": "str",
+    "split": "str",
+    "shape": "str",  # the id of the first object of the split with this shape
+    "signature": "object",  # (11,) of the shape
+    "scale": "float64",  # the mesh's own units to those of the object
     "size_m": "float64",  # largest extent along the mesh's own axes
-    "volume_m3": "float64",  # what the mass is reckoned from: the convex hull's where cleaning is "hull mass"
+    "volume_m3": "float64",  # what the mass is reckoned from
+    "mass": "str",  # of the "volume" of the mesh, or of its "convex hull"
     "watertight": "bool",
     "faces": "int64",
-    "cleaning": "str",
+    "collision_faces": "int64",
+    "cleaning": "str",  # what was done to the mesh
     "seed_index": "int64",  # position among the candidates of its split
 }
 
 
-def write_objects(folder: Path, objects: Iterable[tuple[dict[str, Any], trimesh.Trimesh]]) -> pd.DataFrame:
-    """Write (row, mesh) pairs one by one into a folder; its manifest, sorted by id, is written last and returned."""
-    folder.mkdir(parents=True, exist_ok=True)
+@dataclass(frozen=True, eq=False)
+class Object:
+    """An object of the selection: its line of the manifest, and meshes in metres about its centre of mass."""
+
+    row: Row
+    mesh: trimesh.Trimesh
+    collision: trimesh.Trimesh
+
+
+def write_objects(folder: Path, collisions: Path, objects: Iterable[Object]) -> pd.DataFrame:
+    """Write objects one by one, their meshes into one folder and their collision meshes into another.
+
+    The manifest, sorted by id, is written last and returned.
+    """
     (folder / MANIFEST).unlink(missing_ok=True)
-    for stale in folder.glob("*.ply"):  # of an earlier run with other parameters
-        stale.unlink()
+    for place in (folder, collisions):
+        place.mkdir(parents=True, exist_ok=True)
+        for stale in place.glob("*.ply"):  # of an earlier run with other parameters
+            stale.unlink()
     rows = []
-    for row, mesh in objects:
-        (folder / f"{row['id']}.ply").write_bytes(export_ply(mesh, vertex_normal=False))
-        rows.append(row)
+    for drawn in objects:
+        for place, mesh in ((folder, drawn.mesh), (collisions, drawn.collision)):
+            (place / f"{drawn.row['id']}.ply").write_bytes(export_ply(mesh, vertex_normal=False))
+        rows.append(drawn.row)
     manifest = pd.DataFrame(rows, columns=list(COLUMNS)).astype(COLUMNS)
     manifest = manifest.sort_values("id", ignore_index=True)
     manifest.to_parquet(folder / MANIFEST, index=False)
@@ -58,5 +81,8 @@ def read_manifest(folder: Path) -> pd.DataFrame:
 
 
 def load_object(folder: Path, object_id: str) -> trimesh.Trimesh:
-    """The mesh of an object, metres about its centre of mass, vertices and faces exactly as stored."""
+    """A mesh of an object, metres about its centre of mass, vertices and faces exactly as stored.
+
+    From data/objects/<split> the one to see and to weigh, from data/collision/<split> the one to touch.
+    """
     return read_mesh(folder / f"{object_id}.ply")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import uuid
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -99,3 +100,26 @@ def map_objects(
             fill()
             bar.update()
             yield name, result
+
+
+def map_in_order(
+    function: Callable[..., Any],
+    tasks: Iterable[tuple[str, tuple[Any, ...]]],
+    total: int,
+    compute: Compute,
+    label: str,
+) -> Iterator[tuple[str, Any | Exception]]:
+    """As map_objects, in the order of the tasks. Whoever has enough may stop asking; `total` is for the bar alone."""
+    order: deque[str] = deque()
+    done: dict[str, Any] = {}
+
+    def noted() -> Iterator[tuple[str, tuple[Any, ...]]]:
+        for name, arguments in tasks:
+            order.append(name)
+            yield name, arguments
+
+    for name, result in map_objects(function, noted(), total, compute, label):
+        done[name] = result
+        while order and order[0] in done:
+            name = order.popleft()
+            yield name, done.pop(name)

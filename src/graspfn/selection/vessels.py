@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from manifold3d import Manifold
 
-from graspfn.meshes.primitives import (
+from graspfn.selection.primitives import (
     ball,
     box,
     cavity,

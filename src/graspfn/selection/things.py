@@ -5,7 +5,19 @@ from __future__ import annotations
 import numpy as np
 from manifold3d import CrossSection, JoinType, Manifold
 
-from graspfn.meshes.primitives import SEGMENTS, ball, box, disc, outline, profile, rectangle, revolve, rod, slab, unite
+from graspfn.selection.primitives import (
+    SEGMENTS,
+    ball,
+    box,
+    disc,
+    outline,
+    profile,
+    rectangle,
+    revolve,
+    rod,
+    slab,
+    unite,
+)
 
 
 def airplane(rng: np.random.Generator) -> Manifold:

@@ -10,8 +10,9 @@ import numpy as np
 import trimesh
 from manifold3d import Manifold
 
-from graspfn.meshes import furniture, things, vessels
-from graspfn.meshes.primitives import to_trimesh
+from graspfn.selection import furniture, things, vessels
+from graspfn.selection.candidate import Candidate, family_side
+from graspfn.selection.primitives import to_trimesh
 
 # ModelNet40's names, with the dish and the hammer that the paper shows
 CATEGORIES: dict[str, Callable[[np.random.Generator], Manifold]] = {
@@ -46,16 +47,14 @@ class Procedural:
     name = "procedural"
     count = math.inf
 
-    def candidates(self, split: str, seed: int) -> Iterator[tuple[str, str]]:
-        """Names like cup-0004; training objects have even numbers, test objects odd ones."""
+    def candidates(self, split: str, seed: int, by: str) -> Iterator[Candidate]:
+        """Names like cup-0004; training objects have even numbers, test objects odd ones. A family is a category."""
+        own = family_side(CATEGORIES, split, seed, self.name) if by == "family" else set(CATEGORIES)
         for turn in itertools.count():
-            for category in CATEGORIES:
-                yield f"{category}-{2 * turn + (split == 'test'):04d}", category
+            for category in filter(own.__contains__, CATEGORIES):
+                name = f"{category}-{2 * turn + (split == 'test'):04d}"
+                yield Candidate(f"procedural-{name}", self.name, name, category, category, "MIT")
 
-    def load(self, name: str, rng: np.random.Generator) -> trimesh.Trimesh:
+    def load(self, candidate: Candidate, rng: np.random.Generator) -> trimesh.Trimesh:
         """The object of a name; all that makes it differ from its kin comes from `rng`."""
-        return generate(name.rpartition("-")[0], rng)
-
-    def id(self, name: str, shape: str) -> str:
-        """procedural-cup-0004: the name says it all."""
-        return f"procedural-{name}"
+        return generate(candidate.category, rng)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from manifold3d import Manifold
 
-from graspfn.meshes.primitives import box, disc, rectangle, ring, rod, slab, unite
+from graspfn.selection.primitives import box, disc, rectangle, ring, rod, slab, unite
 
 
 def _legs(rng: np.random.Generator, x: float, y: float, height: float, splay: float, count: int = 4) -> list[Manifold]:

@@ -1,0 +1,1 @@
+"""Choosing objects: sources of meshes, cleaning, scaling, the train/test split (paper III)."""

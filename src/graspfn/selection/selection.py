@@ -1,0 +1,168 @@
+"""Drawing the objects to train on and other objects to test on, and giving each a size (paper III and V)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import trimesh
+
+from graspfn.meshes.errors import MeshError, RejectedMeshError
+from graspfn.meshes.mass import solid
+from graspfn.meshes.store import Object, Row
+from graspfn.params import Meshes
+from graspfn.selection.candidate import Candidate, Source
+from graspfn.selection.cleaning import clean
+from graspfn.selection.collision import collision_mesh
+from graspfn.selection.signature import Shapes, signature
+from graspfn.selection.sources import source_of
+from graspfn.workflow.seeds import generator
+
+REJECTS = ("split", "source", "name", "class", "reason")
+
+
+Task = tuple[Candidate, trimesh.Trimesh | RejectedMeshError, Meshes, int]
+# map(function, tasks by name, how many are wanted): names and results or exceptions, in the order of the tasks
+Map = Callable[[Callable[..., Object], Iterable[tuple[str, Task]], int], Iterable[tuple[str, Object | Exception]]]
+
+
+def one_by_one(
+    function: Callable[..., Object], tasks: Iterable[tuple[str, Task]], wanted: int
+) -> Iterator[tuple[str, Object | Exception]]:
+    """A Map in this process."""
+    for name, arguments in tasks:
+        try:
+            yield name, function(*arguments)
+        except RejectedMeshError as reason:
+            yield name, reason
+
+
+def make_object(candidate: Candidate, raw: trimesh.Trimesh | RejectedMeshError, meshes: Meshes, seed: int) -> Object:
+    """A mesh cleaned, scaled so that its largest extent is uniform between the limits, and centred on its mass."""
+    if isinstance(raw, Exception):
+        raise RejectedMeshError(f"unreadable: {raw}")
+    cleaned = clean(raw)
+    size = generator(seed, "select_meshes", candidate.id, "size").uniform(
+        meshes.size_min_cm / 100, meshes.size_max_cm / 100
+    )
+    scale = size / float(cleaned.mesh.extents.max())
+    mesh = _placed(cleaned.mesh, scale)
+    collision = collision_mesh(mesh, meshes.collision_faces, meshes.collision_tolerance_mm / 1e3)
+    row = {
+        "id": candidate.id,
+        "source": candidate.source,
+        "name": candidate.name,
+        "class": candidate.category,
+        "family": candidate.family,
+        "licence": candidate.licence,
+        "signature": signature(mesh).tolist(),
+        "scale": scale,
+        "size_m": float(mesh.extents.max()),
+        "volume_m3": float(solid(mesh).volume),
+        "mass": cleaned.mass,
+        "watertight": bool(mesh.is_watertight),
+        "faces": len(mesh.faces),
+        "collision_faces": len(collision.faces),
+        "cleaning": cleaned.steps,
+    }
+    return Object(row, mesh, collision)
+
+
+def _placed(mesh: trimesh.Trimesh, scale: float) -> trimesh.Trimesh:
+    """The mesh in metres with its centre of mass (the hull's, where it is open) at the origin."""
+    # centred before the volume integrals: files may place an object far from their origin
+    vertices = (mesh.vertices - mesh.bounds.mean(axis=0)) * scale
+    placed = trimesh.Trimesh(vertices, mesh.faces, process=False)
+    return trimesh.Trimesh(vertices - solid(placed).center_mass, mesh.faces, process=False)
+
+
+@dataclass
+class Selection:
+    """Objects of both splits, made as they are asked for, and the meshes that were turned down.
+
+    Draw train first. Object i of a split is the same whatever the counts are, so that raising them keeps every label
+    already made; but a test object whose shape a further training object turns out to have gives way to it.
+    """
+
+    meshes: Meshes
+    seed: int
+    source: Source
+    map: Map = one_by_one
+    rejects: list[Row] = field(default_factory=list)  # with the keys of REJECTS
+    _drawn: dict[str, str] = field(default_factory=dict)  # id: the split that drew it
+    _shapes: dict[str, Shapes] = field(default_factory=lambda: {"train": Shapes(), "test": Shapes()})
+    _name_of: dict[str, str] = field(default_factory=dict)  # id of an object: the shape it has
+
+    @property
+    def train(self) -> Iterator[Object]:
+        return self._draw("train", self.meshes.train)
+
+    @property
+    def test(self) -> Iterator[Object]:
+        return self._draw("test", self.meshes.test)
+
+    def _draw(self, split: str, wanted: int) -> Iterator[Object]:
+        """`wanted` objects of a split."""
+        issued: dict[str, tuple[int, Candidate]] = {}
+
+        def tasks() -> Iterator[tuple[str, Task]]:
+            for index, candidate in enumerate(self.source.candidates(split, self.seed, self.meshes.split)):
+                if self._drawn.get(candidate.id, split) != split:
+                    continue  # both splits see all of a finite source
+                issued[candidate.id] = index, candidate
+                yield candidate.id, (candidate, self._load(candidate), self.meshes, self.seed)
+
+        found = 0
+        for name, result in self.map(make_object, tasks(), wanted):
+            index, candidate = issued.pop(name)
+            self._drawn[name] = split
+            try:
+                shape = self._shape(split, name, result)
+            except RejectedMeshError as reason:
+                values = (split, candidate.source, candidate.name, candidate.category, str(reason))
+                self.rejects.append(dict(zip(REJECTS, values, strict=True)))
+                continue
+            found += 1
+            yield Object(shape.row | {"split": split, "seed_index": index}, shape.mesh, shape.collision)
+            if found == wanted:
+                return
+        raise MeshError(self._too_few(f"{found} of {wanted} {split} objects found"))
+
+    def _load(self, candidate: Candidate) -> trimesh.Trimesh | RejectedMeshError:
+        try:
+            return self.source.load(candidate, generator(self.seed, "select_meshes", candidate.id))
+        except RejectedMeshError as reason:
+            return reason
+
+    def _shape(self, split: str, name: str, result: Object | Exception) -> Object:
+        """The object with the shape that it has, RejectedMeshError where it may not be in this split."""
+        if isinstance(result, RejectedMeshError):
+            raise result
+        if isinstance(result, Exception):  # a library's error on a mesh nobody foresaw, or a worker that died of it
+            raise RejectedMeshError(f"failed: {type(result).__name__} {' '.join(str(result).split())}") from result
+        found = np.array(result.row["signature"])
+        if split == "test" and (twin := self._shapes["train"].like(found)):
+            raise RejectedMeshError(f"copy: it has the shape of {twin}, which is to train on")
+        twin = self._shapes[split].like(found)
+        self._shapes[split].add(name, found)
+        self._name_of[name] = self._name_of[twin] if twin else name
+        return Object(result.row | {"shape": self._name_of[name]}, result.mesh, result.collision)
+
+    def _too_few(self, found: str) -> str:
+        asked = f"meshes.train + meshes.test = {self.meshes.train} + {self.meshes.test}"
+        first = self.rejects[0] if self.rejects else None
+        rejected = f", {len(self.rejects)} rejected (first {first['name']}: {first['reason']})" if first else ""
+        where = f" ({self.meshes.folder})" if self.source.name in ("folder", "modelnet40") else ""
+        return (
+            f"meshes.source {self.source.name}{where}: not enough meshes for {asked}: {self.source.count:g}"
+            f" there{rejected}, {found}; ask for fewer or add meshes"
+        )
+
+
+def select(meshes: Meshes, seed: int, map: Map = one_by_one) -> Selection:
+    """The objects that the parameters ask for; MeshError at once where the source cannot hold so many."""
+    selection = Selection(meshes, seed, source_of(meshes), map)
+    if selection.source.count < meshes.train + meshes.test:
+        raise MeshError(selection._too_few("none drawn"))
+    return selection
