@@ -13,13 +13,14 @@ import numpy as np
 
 from graspfn.geometry import grid
 from graspfn.geometry.transforms import apply
-from graspfn.meshes import procedural
 from graspfn.meshes.placed import RESTING
 from graspfn.params import read_yaml, validate
 from graspfn.physics.attempt import Grasper, Outcome
 from graspfn.physics.culling import touches_nothing
 from graspfn.physics.settling import settle
 from graspfn.physics.world import GraspWorld
+from graspfn.selection import procedural
+from graspfn.selection.collision import collision_mesh
 
 CATEGORIES = ("bottle", "chair", "hammer", "cup")
 ATTEMPTS = 20  # of each object, among those that are neither culled nor start inside it
@@ -35,7 +36,9 @@ def attempts_on(category: str, seed: int) -> tuple[float, float, int, int]:
     settled = settle(mesh, params.physics, params.settle, rng)
     if settled.status != RESTING:
         return 0.0, 0.0, 0, 0
-    grasper = Grasper(GraspWorld(mesh, params.physics, params.gripper), settled.T_world_object, params.attempt)
+    collision = collision_mesh(mesh, params.meshes.collision_faces, params.meshes.collision_tolerance_mm / 1e3)
+    world = GraspWorld(mesh, collision, params.physics, params.gripper)
+    grasper = Grasper(world, settled.T_world_object, params.attempt)
     q = grid.sample_cells(1, rng).reshape(-1, 3)
     footprint = apply(settled.T_world_object, mesh.vertices)[:, :2]
     q = rng.permutation(q[~touches_nothing(footprint, q, grasper.world.kinematics)])

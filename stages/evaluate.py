@@ -19,7 +19,7 @@ from graspfn.workflow.parallel import map_objects
 from graspfn.workflow.stage import stage
 
 MESHES, PLACED, IMAGES = Path("data/objects/test"), Path("data/placed/test.parquet"), Path("data/images")
-FUNCTIONS, OUT = Path("data/functions"), Path("data/trials.parquet")
+COLLISION, FUNCTIONS, OUT = Path("data/collision/test"), Path("data/functions"), Path("data/trials.parquet")
 MAX_FAILED = 0.1
 
 
@@ -30,6 +30,7 @@ class EvaluationError(ValueError):
 def evaluate_object(
     name: str,
     mesh: trimesh.Trimesh,
+    collision: trimesh.Trimesh,
     T: np.ndarray,
     world: tuple[Physics, Gripper, Attempt],
     scene: tuple[np.ndarray, np.ndarray, float],
@@ -39,7 +40,7 @@ def evaluate_object(
     camera: Intrinsics,
     seed: int,
 ) -> list[dict[str, Any]]:
-    return trials_of_object(name, Bench(mesh, T, *world), *scene, functions, sigmas, plan, camera, seed)
+    return trials_of_object(name, Bench(mesh, collision, T, *world), *scene, functions, sigmas, plan, camera, seed)
 
 
 @stage("evaluate")
@@ -58,8 +59,8 @@ def main(params: Declared) -> None:
         depth = observe(images[line["row"]], params.noise, params.seed, name)
         scene = (depth, np.array([line["shift_u_m"], line["shift_v_m"]]), float(line["theta_rad"]))
         own = {network: scores[line["row"]] for network, scores in functions.items()}
-        mesh = load_object(MESHES, name)
-        return name, mesh, placed[name], world, scene, own, sigmas, params.plan, camera, params.seed
+        mesh, collision = load_object(MESHES, name), load_object(COLLISION, name)
+        return name, mesh, collision, placed[name], world, scene, own, sigmas, params.plan, camera, params.seed
 
     tasks = ((name, arguments(name)) for name in index.index)
     rows, failed = [], 0

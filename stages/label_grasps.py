@@ -17,7 +17,7 @@ from graspfn.workflow.seeds import generator
 from graspfn.workflow.shards import code_digest, shard_key, shard_path, sweep
 from graspfn.workflow.stage import stage
 
-MESHES, PLACED = Path("data/objects/train"), Path("data/placed/train.parquet")
+MESHES, COLLISION, PLACED = Path("data/objects/train"), Path("data/collision/train"), Path("data/placed/train.parquet")
 ANGLES = SHAPE[2]  # an object is labelled in as many parts, so that one large object does not keep one core busy alone
 LABELS, ACCOUNT = Path("data/labels.npz"), Path("data/label_account.parquet")
 
@@ -29,14 +29,14 @@ class LabelError(ValueError):
 def label_part(
     name: str,
     angle: int,
-    mesh: trimesh.Trimesh,
+    meshes: tuple[trimesh.Trimesh, trimesh.Trimesh],
     T: np.ndarray,
     what: tuple[Label, Physics, Gripper, Attempt],
     seed: int,
 ) -> Labels:
     labels, physics, gripper, attempt = what
     rng, angles = generator(seed, "label_grasps", name), slice(angle, angle + 1)
-    return label_object(mesh, T, labels.attempts, physics, gripper, attempt, rng, angles)
+    return label_object(*meshes, T, labels.attempts, physics, gripper, attempt, rng, angles)
 
 
 @stage("label_grasps")
@@ -47,14 +47,16 @@ def main(params: Declared) -> None:
     poses = {row["id"]: T_world_object(row) for row in placed.to_dict("records")}
     shards = {}
     for name, T in poses.items():
-        key = shard_key(name, MESHES / f"{name}.ply", T.tolist(), what, params.seed, code, Path(__file__))
+        files = [folder / f"{name}.ply" for folder in (MESHES, COLLISION)]
+        key = shard_key(name, *files, T.tolist(), what, params.seed, code, Path(__file__))
         shards[name] = shard_path("label_grasps", key)
     todo = [name for name, path in shards.items() if not path.exists()]
     if len(todo) < len(shards):
         print(f"{len(shards) - len(todo)} of {len(shards)} objects were labelled before")
     tasks = (
-        (f"{name}/{angle}", (name, angle, load_object(MESHES, name), poses[name], what, params.seed))
+        (f"{name}/{angle}", (name, angle, meshes, poses[name], what, params.seed))
         for name in todo
+        for meshes in [(load_object(MESHES, name), load_object(COLLISION, name))]
         for angle in range(ANGLES)
     )
     parts: dict[str, dict[int, Labels]] = {name: {} for name in todo}
@@ -74,14 +76,9 @@ def main(params: Declared) -> None:
         raise LabelError(f"{len(failed)} of {len(shards)} objects failed, above label.max_failed; the first, {first}")
 
     done = {name: read_npz(path) for name, path in shards.items() if name not in failed}
-    write_npz(
-        LABELS,
-        {
-            "ids": np.array(sorted(done)),
-            "successes": np.stack([done[name]["successes"] for name in sorted(done)]),
-            "attempts": np.array(params.label.attempts),
-        },
-    )
+    names = sorted(done)
+    arrays = {"ids": np.array(names), "successes": np.stack([done[name]["successes"] for name in names])}
+    write_npz(LABELS, arrays | {"attempts": np.array(params.label.attempts)})
     rows = [
         {
             "id": name,

@@ -29,7 +29,7 @@ from graspfn.workflow.seeds import generator
 from graspfn.workflow.stage import stage
 
 MESHES, PLACED = Path("data/objects/test"), Path("data/placed/test.parquet")
-NETWORKS, OUT = Path("data/networks"), Path("data/recordings")
+COLLISION, NETWORKS, OUT = Path("data/collision/test"), Path("data/networks"), Path("data/recordings")
 
 
 def robot_objects(params: Declared) -> dict[str, np.ndarray]:
@@ -47,7 +47,7 @@ def simulated_tasks(params: Declared) -> Iterator[tuple[str, tuple[Any, ...]]]:
     networks = {name: load_network(NETWORKS / name) for name in params.networks}
     sigmas = [Sigma(*pair) for pair in zip(params.robot.sigma_uv_mm, params.robot.sigma_theta_deg, strict=True)]
     for name, T in robot_objects(params).items():
-        mesh = load_object(MESHES, name)
+        mesh, collision = load_object(MESHES, name), load_object(COLLISION, name)
         centred = render(mesh, T, camera)
         for placement in range(params.robot.placements):
             rng = generator(params.seed, "record_robot", name, placement)
@@ -60,7 +60,8 @@ def simulated_tasks(params: Declared) -> Iterator[tuple[str, tuple[Any, ...]]]:
             scene = Scene(name, placement, shift, theta, depth)
             key = f"{name}-{placement}"
             plans = plan_all(filled, functions, sigmas, params.plan, camera, params.seed, key)
-            yield key, (scene, plans, mesh, T, params.physics, params.gripper, params.attempt, camera, params.seed)
+            world = (params.physics, params.gripper, params.attempt)
+            yield key, (scene, plans, mesh, collision, T, *world, camera, params.seed)
 
 
 @stage("record_robot")

@@ -54,8 +54,10 @@ def test_too_short_a_finger_is_one_line() -> None:
 
 
 def block_world(density: float = 300.0, gear_friction: float = 0.0, step_ms: float = 1.0) -> GraspWorld:
+    block = trimesh.creation.box([0.05, 0.05, 0.06])
     world = GraspWorld(
-        trimesh.creation.box([0.05, 0.05, 0.06]),
+        block,
+        block,
         replace(PHYSICS, density_kgm3=density, time_step_ms=step_ms),
         replace(GRIPPER, gear_friction_nm=gear_friction),
     )

@@ -85,9 +85,15 @@ class Bench:
     """
 
     def __init__(
-        self, mesh: trimesh.Trimesh, T_world_object: np.ndarray, physics: Physics, gripper: Gripper, attempt: Attempt
+        self,
+        mesh: trimesh.Trimesh,
+        collision: trimesh.Trimesh,
+        T_world_object: np.ndarray,
+        physics: Physics,
+        gripper: Gripper,
+        attempt: Attempt,
     ):
-        self.grasper = Grasper(GraspWorld(mesh, physics, gripper), T_world_object, attempt)
+        self.grasper = Grasper(GraspWorld(mesh, collision, physics, gripper), T_world_object, attempt)
 
     def grasp(self, q: np.ndarray, shift_uv: np.ndarray, theta: float, watch: Watcher | None = None) -> Outcome:
         """Attempt pose q (3,) of the image in which the object was turned by theta, then shifted by (u, v) metres."""

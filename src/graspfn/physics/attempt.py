@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from graspfn.params import Attempt
+from graspfn.params import LOOK_MS, Attempt
 from graspfn.physics.world import Diverged, GraspWorld
 
 
@@ -36,7 +36,7 @@ class Frame:
 Watcher = Callable[[Frame], None]
 
 # Early stops, in simulated time. Each waits until nothing can change any more: they save time, not outcomes.
-CHECK_S = 0.010  # states are looked at this often
+CHECK_S = LOOK_MS / 1e3  # states are looked at this often
 STILL_S = 0.050  # fingers and object still for so long: the rest of the closing changes nothing
 LOST_S = 0.060  # no touch for so long while the hand rises: the hand has left 6 mm behind
 RIGID_S = 0.120  # object and hand moved as one for so long, off the table: nothing pulls them apart later
@@ -55,7 +55,6 @@ class Grasper:
         self.world, self.attempt, self.T_rest = world, attempt, T_world_object
         self._every = max(1, round(CHECK_S / world.time_step))
         self._free = self._free_closing()
-        self.steps = 0
 
     def run(self, q: np.ndarray, watch: Watcher | None = None, whole: bool = False) -> Outcome:
         """Attempt a grasp at pose q = (u, v, theta), metres and radians.
@@ -114,7 +113,6 @@ class Grasper:
         """Run until the next look at the state."""
         for _ in range(self._every):
             self.world.drive(rise)
-        self.steps += self._every
         self._clock += self._every * self.world.time_step
         self._show()
 

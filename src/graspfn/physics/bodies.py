@@ -8,13 +8,14 @@ from pathlib import Path
 import dartpy as dart
 import numpy as np
 import trimesh
+from scipy.spatial import ConvexHull
 
-from graspfn.meshes.cleaning import mass_properties
+from graspfn.meshes.mass import mass_properties
 from graspfn.params import Gripper
 from graspfn.physics.gripper import Kinematics
 
-AGGRESSION = 3  # of 10: the default of 7 departs from the mesh three times as far at equal faces
-SOLE_POINTS = 200  # a hull with more vertices is thinned out to about so many
+SOLE_POINTS = 60  # a hull with more vertices is thinned out, to so many or as many more as SOLE_M takes
+SOLE_M = 1e-3  # by which thinning may lower an object on the table
 POINT_M = 1e-4  # radius of a point: DART has none without one
 TINY = 1e-6  # share of the mass that DART wants of the sole, which is only a surface
 
@@ -29,63 +30,48 @@ def table() -> dart.dynamics.Skeleton:
     return table
 
 
-def collision_mesh(mesh: trimesh.Trimesh, faces: int, tolerance: float) -> trimesh.Trimesh:
-    """The mesh with about `faces` faces, or as many more as keep it within `tolerance` (m) of the mesh.
-
-    Contacts, and with them the time of a step, grow with the faces. What comes back may be open: it is a surface to
-    touch, while mass and inside are those of the mesh itself.
-    """
-    while faces < len(mesh.faces):
-        simple = mesh.simplify_quadric_decimation(face_count=faces, aggression=AGGRESSION)
-        if max(farthest(mesh.vertices, simple), farthest(simple.vertices, mesh)) <= tolerance:
-            return simple
-        faces += faces // 2
-    return mesh
-
-
-def farthest(points: np.ndarray, mesh: trimesh.Trimesh) -> float:
-    """Largest distance of points (n, 3) from the surface of a mesh, metres."""
-    triangles = mesh.triangles
-    worst = 0.0
-    for part in np.array_split(points, max(1, len(points) * len(triangles) // 200_000)):
-        every = np.repeat(part, len(triangles), axis=0)
-        nearest = trimesh.triangles.closest_point(np.tile(triangles, (len(part), 1, 1)), every)
-        distance = np.linalg.norm(nearest - every, axis=1).reshape(len(part), -1).min(axis=1)
-        worst = max(worst, float(distance.max()))
-    return worst
-
-
 def sole(mesh: trimesh.Trimesh) -> np.ndarray:
-    """(n, 3) vertices of the mesh's convex hull, all of them or those farthest in SOLE_POINTS even directions.
+    """(n, 3) vertices of the mesh's convex hull: few, but no vertex is farther than SOLE_M outside the hull of these.
 
-    A body meets a half-space where its convex hull does, so these are all that a table can touch.
+    A body meets a half-space where its convex hull does, so these are all that a table need touch.
     """
     points = np.asarray(mesh.convex_hull.vertices)
     if len(points) <= SOLE_POINTS:
         return points
-    i = np.arange(SOLE_POINTS) + 0.5  # a Fibonacci spiral on the sphere
+    i = np.arange(SOLE_POINTS) + 0.5  # even directions first: a Fibonacci spiral on the sphere
     z, turn = 1 - 2 * i / len(i), np.pi * (1 + 5**0.5) * i
     directions = np.column_stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z])
-    return points[np.unique(np.argmax(points @ directions.T, axis=0))]
+    kept = np.unique(np.argmax(points @ directions.T, axis=0))
+    while True:  # every round adds, over each facet, the vertex that sticks out most
+        planes = ConvexHull(points[kept]).equations
+        heights = points @ planes[:, :3].T + planes[:, 3]
+        over, out = heights.argmax(axis=1), heights.max(axis=1)
+        order = np.argsort(-out, kind="stable")
+        order = order[out[order] > SOLE_M]
+        if len(order) == 0:
+            return points[kept]
+        kept = np.union1d(kept, order[np.unique(over[order], return_index=True)[1]])
 
 
 def free_object(
-    mesh: trimesh.Trimesh, surface: trimesh.Trimesh, points: np.ndarray, density: float
+    mesh: trimesh.Trimesh, collision: trimesh.Trimesh | None, points: np.ndarray, density: float
 ) -> dart.dynamics.Skeleton:
-    """A free body with the mass of `mesh` that meets the gripper with `surface`, and glued to it one of `points`.
+    """A free body with the mass of `mesh` that meets the gripper with `collision`, and glued to it one of `points`.
 
     points: (n, 3) of `sole`, which meet the table; a mesh would meet it with a hundred doubled contacts on a flat face,
     and steps of milliseconds. DART reads meshes through URDF alone, so one is written for the loader.
     """
+    touch = '<collision><geometry><mesh filename="object.obj"/></geometry></collision>' if collision else ""
     mass, inertia = mass_properties(mesh, density)
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia.tolist()
     urdf = f"""<robot name="object"><link name="object">
         <inertial><mass value="{mass}"/>
         <inertia ixx="{xx}" ixy="{xy}" ixz="{xz}" iyy="{yy}" iyz="{yz}" izz="{zz}"/></inertial>
-        <collision><geometry><mesh filename="object.obj"/></geometry></collision>
+        {touch}
     </link></robot>"""
     with tempfile.TemporaryDirectory(prefix="graspfn-") as folder:
-        surface.export(Path(folder) / "object.obj")
+        if collision:
+            collision.export(Path(folder) / "object.obj")
         path = Path(folder) / "object.urdf"
         path.write_text(urdf)
         skeleton = dart.utils.DartLoader().parseSkeleton(str(path))

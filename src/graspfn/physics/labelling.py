@@ -37,6 +37,7 @@ class Labels:
 
 def label_object(
     mesh: trimesh.Trimesh,
+    collision: trimesh.Trimesh,
     T_world_object: np.ndarray,
     attempts: int,
     physics: Physics,
@@ -45,12 +46,12 @@ def label_object(
     rng: np.random.Generator,
     angles: slice = ALL,
 ) -> Labels:
-    """Attempt `attempts` grasps in the cell of every pose of Q; mesh in metres, resting at T_world_object (4, 4).
+    """Attempt `attempts` grasps in the cell of every pose of Q; meshes in metres, resting at T_world_object (4, 4).
 
     `angles` picks some of Q's angles: labels of an object may be made in parts, which `joined` puts together.
     """
     _freeze_imports()
-    world = GraspWorld(mesh, physics, gripper)
+    world = GraspWorld(mesh, collision, physics, gripper)
     grasper = Grasper(world, T_world_object, attempt)
     draws = grid.sample_cells(attempts, rng)[:, :, angles]
     q = draws.reshape(-1, 3)

@@ -7,7 +7,7 @@ import numpy as np
 import trimesh
 
 from graspfn.geometry.transforms import T_world_grasp, apply
-from graspfn.meshes.cleaning import solid
+from graspfn.meshes.mass import solid
 from graspfn.params import Gripper, Physics
 from graspfn.physics import bodies
 from graspfn.physics.gripper import Kinematics
@@ -28,10 +28,11 @@ class Diverged(RuntimeError):
 class TableWorld:
     """One object on a table. States are restored, never rebuilt.
 
-    mesh: metres, origin at the centre of mass. `points`: the (n, 3) hull vertices that stand on the table.
+    mesh: metres, origin at the centre of mass; collision: what of it a gripper touches, None where there is none.
+    `points`: the (n, 3) hull vertices that stand on the table.
     """
 
-    def __init__(self, mesh: trimesh.Trimesh, physics: Physics):
+    def __init__(self, mesh: trimesh.Trimesh, physics: Physics, collision: trimesh.Trimesh | None = None):
         self.world = dart.simulation.World("grasp")
         self.world.setTimeStep(physics.time_step_ms / 1e3)
         self.world.setGravity([0, 0, -9.81])
@@ -46,8 +47,7 @@ class TableWorld:
         self.friction = physics.friction
         self.mesh = mesh
         self.points = bodies.sole(mesh)
-        surface = bodies.collision_mesh(mesh, physics.faces, physics.tolerance_mm / 1e3)
-        self.object = bodies.free_object(mesh, surface, self.points, physics.density_kgm3)
+        self.object = bodies.free_object(mesh, collision, self.points, physics.density_kgm3)
         self.table = bodies.table()
         self._closed = solid(mesh) is mesh
         self._body, self._sole = self.object.getBodyNodes()
@@ -93,10 +93,10 @@ class TableWorld:
 
 
 class GraspWorld(TableWorld):
-    """One object on a table under a gripper."""
+    """One object on a table under a gripper; collision: the mesh that the gripper meets (meshes/collision.py)."""
 
-    def __init__(self, mesh: trimesh.Trimesh, physics: Physics, gripper: Gripper):
-        super().__init__(mesh, physics)
+    def __init__(self, mesh: trimesh.Trimesh, collision: trimesh.Trimesh, physics: Physics, gripper: Gripper):
+        super().__init__(mesh, physics, collision)
         self.kinematics = Kinematics.from_params(gripper)
         self.torque = gripper.torque_nm
         self.drag = (gripper.torque_nm - gripper.gear_friction_nm) / gripper.closing_speed_rads

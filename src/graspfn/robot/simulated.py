@@ -44,6 +44,7 @@ def record(
     scene: Scene,
     plans: list[tuple[Sigma, Planned]],
     mesh: trimesh.Trimesh,
+    collision: trimesh.Trimesh,
     T_world_object: np.ndarray,
     physics: Physics,
     gripper: Gripper,
@@ -52,7 +53,7 @@ def record(
     seed: int,
 ) -> list[TrialRecording]:
     """Execute every plan on the scene. Plans of one uncertainty share the arm's error, so that methods are paired."""
-    bench = Bench(mesh, T_world_object, physics, gripper, attempt)
+    bench = Bench(mesh, collision, T_world_object, physics, gripper, attempt)
     recordings = []
     for sigma, planned in plans:
         rng = generator(seed, "record_robot", scene.object, scene.placement, sigma.uv_mm, sigma.theta_deg)
