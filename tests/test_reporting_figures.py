@@ -8,7 +8,16 @@ import trimesh
 from graspfn.geometry import grid
 from graspfn.geometry.camera import Intrinsics
 from graspfn.physics.attempt import Frame
-from graspfn.reporting import figures, figures_functions, figures_images, figures_results, figures_scenes, film
+from graspfn.reporting import (
+    figures,
+    figures_functions,
+    figures_images,
+    figures_objects,
+    figures_results,
+    figures_scenes,
+    film,
+    shading,
+)
 from graspfn.reporting.shading import TABLE, View, render_scene
 from graspfn.reporting.style import pdf_bytes, png_bytes, show_depth, square, window_round
 
@@ -53,6 +62,9 @@ def drawings():
     q, r = np.array([0.03, -0.01, 1.2]), np.array([0.035, -0.01, 1.3])
     grasp = figures_images.ExecutedGrasp("a-box-with-a-very-long-name-indeed", depth, q, r)
     image = RNG.random((40, 30, 3))
+    groups = [("Training objects", ["a_long-name of a $ thing"] * 5), ("Test objects", ["b"] * 2)]
+    cells = figures_objects.cells_for(groups)
+    thumbnail = np.full((cells.side_px, cells.side_px, 3), 128, dtype=np.uint8)
     return {
         "grasp_function": lambda: figures_functions.draw_grasp_function(depth, f, CAMERA),
         "training_example": lambda: figures_functions.draw_training_example(depth, noisy, f, CAMERA),
@@ -72,7 +84,7 @@ def drawings():
         ),
         "label_outcomes": lambda: figures_results.draw_label_outcomes(account()),
         "simulated_grasp": lambda: figures_scenes.draw_simulated_grasp([("a", image), ("b", image)]),
-        "objects": lambda: figures_scenes.draw_objects([("a", image)] * 7),
+        "objects": lambda: figures_objects.draw_contact_sheet(groups, cells, iter([thumbnail] * 7)),
     }
 
 
@@ -182,6 +194,17 @@ def test_rendering_sees_the_nearer_thing_its_colour_and_its_shadow():
     # The light comes from -x, -y: the shadow falls to the right (+x) and up (+y) of the picture's middle.
     rows, columns = np.nonzero(shadow)
     assert columns.mean() > 30 and rows.mean() < 30
+
+
+def test_a_mesh_finer_than_the_picture_looks_the_same_without_smoothing(monkeypatch):
+    ball = trimesh.creation.icosphere(5, 0.04)
+    ball.apply_translation([0, 0, 0.04])
+    view = View((0.3, -0.5, 0.5), (0.0, 0.0, 0.04), 0.15, 60, 60)
+    assert len(ball.faces) > 60 * 60
+    flat = render_scene([(ball, (1.0, 0.5, 0.0))], view)
+    corners = shading._corners
+    monkeypatch.setattr(shading, "_corners", lambda mesh, pixels: corners(mesh, len(mesh.faces)))
+    assert np.abs(render_scene([(ball, (1.0, 0.5, 0.0))], view) - flat).max() < 0.05
 
 
 def test_film_shows_start_closed_five_centimetres_and_top():

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 import trimesh
-from matplotlib.figure import Figure
 
 from graspfn.geometry import grid
 from graspfn.planning.methods import best_grasp, robust_best_grasp
 from graspfn.planning.smoothing import axis_weights
 from graspfn.reporting import figures_functions, figures_images, figures_results, figures_scenes
 from graspfn.reporting.inputs import PredictedExample, ReportInputs
-from graspfn.reporting.shading import View, render_scene
+from graspfn.reporting.shading import OBJECT_COLOUR, View, render_scene
+from graspfn.reporting.sheets import contact_sheets
+from graspfn.reporting.style import Plate
 from graspfn.reporting.tables import who_recorded
 from graspfn.workflow.seeds import generator
 
@@ -23,16 +23,7 @@ SUMMARY_SIGMA_MM = 20.0
 PREDICTION_SIGMA = (15.0, 10.0)  # mm, degrees
 GROWING_SIGMAS = ((2.0, 5.0), (5.0, 10.0), (10.0, 20.0), (20.0, 40.0))
 PAPER_SIGMA_THETA_DEG = 10.0  # of the paper's graph
-OBJECT_COLOUR, PALM_COLOUR, FINGER_COLOUR = (0.90, 0.58, 0.24), (0.38, 0.42, 0.48), (0.27, 0.47, 0.68)
-
-
-@dataclass(frozen=True, eq=False)
-class Plate:
-    """A figure, the name of its files, and what is written under it."""
-
-    name: str
-    caption: str
-    figure: Figure
+PALM_COLOUR, FINGER_COLOUR = (0.38, 0.42, 0.48), (0.27, 0.47, 0.68)
 
 
 def best_network(table1: pd.DataFrame) -> str:
@@ -179,16 +170,7 @@ def _scenes(inputs: ReportInputs) -> Iterator[Plate]:
             "rises at constant speed. Lines on the table are 5 cm apart.",
             figures_scenes.draw_simulated_grasp(shots),
         )
-    view = View((0.32, -0.52, 0.52), (0.0, 0.0, 0.02), 0.28, 190, 190)
-    views = []
-    for name, mesh, T in inputs.objects:
-        parts = [(mesh.copy().apply_transform(T), OBJECT_COLOUR)]
-        views.append((name.replace("_", " "), render_scene(parts, view)))
-    yield Plate(
-        "objects",
-        f"{len(views)} of the training objects as they came to rest, at one scale: lines on the table are 5 cm apart.",
-        figures_scenes.draw_objects(views),
-    )
+    yield from contact_sheets(inputs.data)
 
 
 def draw_all(inputs: ReportInputs, table1: pd.DataFrame) -> Iterator[Plate]:

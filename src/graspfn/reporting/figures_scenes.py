@@ -1,4 +1,4 @@
-"""Figures of scenes rendered in three dimensions: a simulated grasp (paper, Fig. 3), the objects (Fig. 11)."""
+"""Figures of scenes rendered in three dimensions: a simulated grasp (paper, Fig. 3)."""
 
 from __future__ import annotations
 
@@ -18,20 +18,4 @@ def draw_simulated_grasp(shots: Sequence[tuple[str, np.ndarray]]) -> Figure:
         axes.imshow(image, interpolation="antialiased")
         axes.set_title(title)
         bare(axes)
-    return figure
-
-
-@styled
-def draw_objects(views: Sequence[tuple[str, np.ndarray]]) -> Figure:
-    """A contact sheet of (name, (height, width, 3) image in [0, 1])."""
-    columns = min(6, len(views))
-    rows = -(-len(views) // columns)
-    figure = new_figure(max(WIDE_IN * columns / 6, 2.0), 1.32 * rows)
-    places = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axes, (name, image) in zip(places, views, strict=False):
-        axes.imshow(image, interpolation="antialiased")
-        axes.set_title(name, fontsize=8, pad=2)
-        bare(axes)
-    for axes in places[len(views) :]:
-        axes.set_visible(False)
     return figure

@@ -66,14 +66,18 @@ def moments(frames: list[Frame]) -> list[tuple[str, Frame]]:
 def film_grasp(
     name: str,
     mesh: trimesh.Trimesh,
+    collision: trimesh.Trimesh,
     T_world_object: np.ndarray,
     successes: np.ndarray,
     physics: Physics,
     gripper: Gripper,
     attempt: Attempt,
 ) -> Film | None:
-    """The first attempt that holds, of the poses that labelling found best; None where none of them does."""
-    world = GraspWorld(mesh, physics, gripper)
+    """The first attempt that holds, of the poses that labelling found best; None where none of them does.
+
+    mesh is what is seen and has the mass, collision what is touched; successes: (33, 44, 6).
+    """
+    world = GraspWorld(mesh, collision, physics, gripper)
     grasper = Grasper(world, T_world_object, attempt)
     for q in poses_to_try(successes):
         frames: list[Frame] = []

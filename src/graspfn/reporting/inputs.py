@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import trimesh
 
 from graspfn.geometry.camera import Intrinsics
 from graspfn.imaging.holes import fill_holes
@@ -23,7 +22,7 @@ from graspfn.robot.read import read_trial
 from graspfn.workflow.files import read_npz
 
 SPLITS = ("train", "test")
-SHOWN_TEST, SHOWN_GRASPS, SHOWN_OBJECTS = 4, 8, 24
+SHOWN_TEST, SHOWN_GRASPS = 4, 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,12 +61,13 @@ class Recorded:
 class ReportInputs:
     """Everything a report shows. Tables have the columns of the stage that wrote them.
 
-    manifests and placed: by split. rejects (split, name, reason): meshes turned down.
-    objects: (class, mesh, T_world_object) of some settled objects. stage_seconds: how long each stage took,
-    for those where it is known.
+    manifests and placed: by split. rejects (split, source, name, class, reason): meshes turned down.
+    data: where the objects' meshes and poses lie, too many to hold. stage_seconds: how long each stage took, for those
+    where it is known.
     params: the sections of params.yaml, but for compute.
     """
 
+    data: Path
     params: Any
     parameters: tuple[Parameter, ...]
     camera: Intrinsics
@@ -84,7 +84,6 @@ class ReportInputs:
     predicted: tuple[PredictedExample, ...]
     film: Film | None
     recorded: Recorded
-    objects: tuple[tuple[str, trimesh.Trimesh, np.ndarray], ...]
     stage_seconds: Mapping[str, float]
 
 
@@ -130,8 +129,9 @@ def _film(data: Path, labels: Mapping[str, np.ndarray], first: str, params: Any)
     placed = {row["id"]: T_world_object(row) for row in read_resting(data / "placed/train.parquet").to_dict("records")}
     place = {str(name): i for i, name in enumerate(labels["ids"])}
     for name in names:
-        mesh, successes = load_object(data / "objects/train", name), labels["successes"][place[name]]
-        film = film_grasp(name, mesh, placed[name], successes, params.physics, params.gripper, params.attempt)
+        mesh, collision = load_object(data / "objects/train", name), load_object(data / "collision/train", name)
+        world = (params.physics, params.gripper, params.attempt)
+        film = film_grasp(name, mesh, collision, placed[name], labels["successes"][place[name]], *world)
         if film:
             return film
     return None
@@ -152,12 +152,6 @@ def _recorded(data: Path, trials: pd.DataFrame, params: Any) -> Recorded:
     return Recorded(camera, first.depth, fill_holes(first.depth), tuple(grasps))
 
 
-def _objects(data: Path) -> tuple[tuple[str, trimesh.Trimesh, np.ndarray], ...]:
-    placed = read_resting(data / "placed/train.parquet")
-    rows = [placed.iloc[position].to_dict() for position in spread(placed["class"], SHOWN_OBJECTS)]
-    return tuple((row["class"], load_object(data / "objects/train", row["id"]), T_world_object(row)) for row in rows)
-
-
 def _histories(folder: Path, networks: tuple[str, ...]) -> dict[str, pd.DataFrame]:
     return {network: pd.read_csv(folder / network / "history.csv") for network in networks}
 
@@ -168,6 +162,7 @@ def load_inputs(data: Path, params: Any, stage_seconds: Mapping[str, float]) -> 
     labelled = _labelled(data, labels, params)
     robot_trials = pd.read_parquet(data / "robot_trials.parquet")
     return ReportInputs(
+        data=data,
         params=params,
         parameters=flat_parameters(params),
         camera=Intrinsics.from_params(params.camera),
@@ -184,6 +179,5 @@ def load_inputs(data: Path, params: Any, stage_seconds: Mapping[str, float]) -> 
         predicted=_predicted(data, params.networks),
         film=_film(data, labels, labelled.id, params),
         recorded=_recorded(data, robot_trials, params),
-        objects=_objects(data),
         stage_seconds=stage_seconds,
     )

@@ -13,13 +13,13 @@ import pandas as pd
 from markupsafe import Markup
 
 from graspfn.evaluation.statistics import Difference, Proportion, proportion
-from graspfn.meshes.cleaning import HULL_MASS
 from graspfn.meshes.placed import RESTING
 from graspfn.reporting import layout
 from graspfn.reporting.figures import best_network
 from graspfn.reporting.figures_results import OUTCOMES
 from graspfn.reporting.inputs import ReportInputs
 from graspfn.reporting.metrics import TABLE_1_PAIR, TABLE_2_PAIR, final_loss, networks_of, robust_gain
+from graspfn.reporting.provenance import kinds_of_rejects, provenance
 from graspfn.reporting.tables import who_recorded
 
 PACKAGES = (
@@ -79,13 +79,10 @@ def headlines(inputs: ReportInputs, table1: pd.DataFrame) -> list[tuple[str, str
     p = proportion(robust["success"].to_numpy(), robust["id"].to_numpy())
     d = robust_gain(trials, network, "id", TABLE_1_PAIR)
     robot_robust = robot[(robot["method"] == "Robust Best Grasp") & (robot["network"] == network)]
+    number, interval = gain(d).split(" ", 1)
     found = [
         (f"{p.value:.3f}", "Robust Best Grasp, mean of Table 1", f"{network}; 95% {rate(p)[6:]}, {p.trials:,} trials"),
-        (
-            gain(d).split(" ")[0],
-            "Robust less Best Grasp, Table 1",
-            f"{network}; 95% {gain(d).split(' ', 1)[1]}, {d.pairs:,} pairs",
-        ),
+        (number, "Robust less Best Grasp, Table 1", f"{network}; 95% {interval}, {d.pairs:,} pairs"),
     ]
     if len(robot_robust):
         r = proportion(robot_robust["success"].to_numpy(), robot_robust["object"].to_numpy())
@@ -111,23 +108,13 @@ def gains(inputs: ReportInputs) -> list[tuple[str, str, str, int]]:
 
 
 def counts(inputs: ReportInputs) -> list[tuple[str, str]]:
-    """(what, how many), from objects selected to attempts by outcome."""
+    """(what, how many), from objects at rest to attempts by outcome."""
     rows = []
-    for split, manifest in inputs.manifests.items():
-        status = inputs.placed[split]["status"]
-        rows.append((f"{split} objects selected", f"{len(manifest):,}"))
+    for split, placed in inputs.placed.items():
+        status = placed["status"]
         rows.append((f"{split} objects that came to rest", f"{int((status == RESTING).sum()):,}"))
         for reason, count in status[status != RESTING].value_counts().sort_index().items():
             rows.append((f"{split} objects left out: {reason}", f"{count:,}"))
-        rows.append(
-            (
-                f"{split} objects whose mass is their convex hull's",
-                f"{int((manifest['cleaning'] == HULL_MASS).sum()):,}",
-            )
-        )
-    rows.append(("meshes rejected", f"{len(inputs.rejects):,}"))
-    for reason, count in inputs.rejects["reason"].value_counts().sort_index().items():
-        rows.append((f"meshes rejected: {reason}", f"{count:,}"))
     account = inputs.account
     labelled = account["status"] == "labelled"
     rows.append(("objects labelled", f"{int(labelled.sum()):,}"))
@@ -200,6 +187,8 @@ def render_page(
         gains=gains(inputs),
         uncertainty=uncertainty(inputs),
         pictures=pictures,
+        provenance=provenance(inputs.manifests, inputs.rejects),
+        rejects=kinds_of_rejects(inputs.rejects),
         counts=counts(inputs),
         durations=durations(inputs),
         versions=versions(),

@@ -11,7 +11,7 @@ from graspfn.reporting.figures import draw_all
 from graspfn.reporting.inputs import ReportInputs
 from graspfn.reporting.metrics import metrics
 from graspfn.reporting.page import Picture, render_page
-from graspfn.reporting.style import save_figure
+from graspfn.reporting.style import save_plate
 
 
 def write_tables(inputs: ReportInputs, folder: Path) -> list[layout.Layout]:
@@ -39,8 +39,7 @@ def write_report(inputs: ReportInputs, folder: Path) -> None:
     shutil.rmtree(folder / "figures", ignore_errors=True)
     table1 = tables.table1(inputs.trials)
     pictures = [
-        Picture(plate.name, plate.caption, save_figure(plate.figure, folder / "figures", plate.name))
-        for plate in draw_all(inputs, table1)
+        Picture(plate.name, plate.caption, save_plate(plate, folder / "figures")) for plate in draw_all(inputs, table1)
     ]
     numbers = metrics(inputs.trials, inputs.robot_trials, inputs.account, inputs.params.label.attempts, inputs.training)
     (folder / "metrics.json").write_text(json.dumps(numbers, indent=2) + "\n")
