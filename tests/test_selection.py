@@ -190,3 +190,37 @@ def test_the_number_of_workers_changes_nothing(shapes):
                 assert np.array_equal(a.vertices, b.vertices)
                 assert np.array_equal(a.faces, b.faces)
     assert alone.rejects == spread.rejects
+
+
+def test_an_endless_source_of_failures_ends(monkeypatch):
+    def fail(*arguments):
+        raise ArithmeticError("no luck")
+
+    monkeypatch.setattr("graspfn.selection.selection.make_object", fail)
+    with pytest.raises(MeshError, match="turned down in a row: failed: ArithmeticError no luck"):
+        list(select(meshes("procedural", 3, 1), 0).train)
+
+
+def test_a_worker_without_the_package_is_no_reason_to_reject(monkeypatch):
+    def fail(*arguments):
+        raise ModuleNotFoundError("No module named 'manifold3d'")
+
+    monkeypatch.setattr("graspfn.selection.selection.make_object", fail)
+    with pytest.raises(MeshError, match="every worker takes this package"):
+        list(select(meshes("procedural", 3, 1), 0).train)
+
+
+def test_too_few_of_one_split_are_missed_at_once(shapes):
+    for path in shapes.rglob("*.off"):  # ModelNet's layout, all of it to train on
+        path.rename(path.with_name(f"{path.parent.parent.name}_{path.name}"))
+    with pytest.raises(MeshError, match="0 to test on"):
+        select(meshes("modelnet40", 2, 2, shapes), 0)
+
+
+def test_two_meshes_cannot_have_one_id(tmp_path):
+    for name in ("bed#0", "bed+0"):
+        path = tmp_path / "bed" / "train" / f"{name}.off"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(trimesh.creation.box().export(file_type="off"))
+    with pytest.raises(MeshError, match="would both be modelnet40-bed_0"):
+        select(meshes("modelnet40", 1, 1, tmp_path), 0)

@@ -46,7 +46,7 @@ def test_a_second_body_is_added_and_a_hollow_is_taken_away():
         cleaned = clean(trimesh.util.concatenate([ball, second]))
         assert cleaned.mass == VOLUME
         assert cleaned.mesh.volume == pytest.approx(volume, rel=1e-3)
-        assert "2 parts united" in cleaned.steps
+        assert ("2 parts united" in cleaned.steps) == (second is apart)
 
 
 def test_overlapping_parts_count_once():
@@ -125,3 +125,95 @@ def test_a_note_of_the_source_goes_first():
     box = trimesh.creation.box()
     box.metadata["source_note"] = "hull of a list of points"
     assert clean(box).steps == "hull of a list of points"
+
+
+CUBE, BALL = trimesh.creation.box(), trimesh.creation.icosphere(3)
+
+
+def cup():
+    return trimesh.boolean.difference(
+        [trimesh.creation.box([2, 2, 2]), trimesh.creation.box([1.6, 1.6, 1.9]).apply_translation([0, 0, 0.2])]
+    )
+
+
+def sized(mesh, size):
+    return mesh.copy().apply_scale(size)
+
+
+def nested():
+    """(parts, the volume that they bound)"""
+    shell, wall, core = BALL, inside_out(sized(BALL, 0.8)), sized(BALL, 0.3)
+    yield "hollow", [shell, wall], 1 - 0.8**3
+    yield "hollow, all inside out", [inside_out(shell), inside_out(wall)], 1 - 0.8**3
+    yield "core in a hollow", [shell, wall, core], 1 - 0.8**3 + 0.3**3
+    yield (
+        "two hollows",
+        [shell, inside_out(moved(core, 0.4, 0, 0)), inside_out(moved(core, -0.4, 0, 0))],
+        1 - 2 * 0.3**3,
+    )
+    yield "solid in a solid", [shell, core], 1
+
+
+@pytest.mark.parametrize(("parts", "share"), [case[1:] for case in nested()], ids=[case[0] for case in nested()])
+def test_hollows_stay_hollow_and_cores_stay(parts, share):
+    cleaned = clean(trimesh.util.concatenate(parts))
+    assert cleaned.mass == VOLUME
+    assert cleaned.mesh.volume == pytest.approx(share * BALL.volume, rel=1e-6)
+
+
+def test_an_inside_out_part_in_the_mouth_of_another_is_no_hollow():
+    vessel, cushion = cup(), sized(BALL, 0.7)
+    cleaned = clean(trimesh.util.concatenate([vessel, inside_out(moved(cushion, 0, 0, 0.1))]))
+    assert cleaned.mesh.volume == pytest.approx(vessel.volume + cushion.volume, rel=0.01)
+
+
+def test_sheets_beside_a_solid_stay():
+    """A table: a slab, and legs of sheets with faces on both sides, apart or joined to it."""
+    slab = moved(trimesh.creation.box([1, 1, 0.05]), 0, 0, 1)
+    leg = raw([[0.35, 0.4, 0], [0.45, 0.4, 0], [0.45, 0.4, 0.975], [0.35, 0.4, 0.975]], [[0, 1, 2], [0, 2, 3]])
+    sheet = trimesh.util.concatenate([leg, inside_out(leg)])
+    table = clean(trimesh.util.concatenate([slab, sheet, moved(sheet, -0.8, 0, 0)]))
+    assert table.mass == HULL
+    np.testing.assert_allclose(table.mesh.extents, [1, 1, 1.025])
+    assert table.mesh.area == pytest.approx(slab.area + 2 * leg.area)  # of each sheet one side
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_cleaning_turns_with_the_mesh(seed):
+    """Two stacked cubes that share a face, as in an STL file: whatever their orientation, the same solid comes out."""
+    pair = trimesh.util.concatenate([CUBE, moved(CUBE, 0, 0, 1)])
+    T = trimesh.transformations.random_rotation_matrix(rand=np.random.default_rng(seed).random(3))
+    corners = trimesh.transform_points(pair.triangles.reshape(-1, 3), T).astype(np.float32)
+    cleaned = clean(raw(corners, np.arange(len(corners)).reshape(-1, 3)))
+    assert cleaned.mass == VOLUME
+    assert cleaned.mesh.volume == pytest.approx(2, rel=1e-5)
+
+
+@pytest.mark.parametrize("noise", [1e-9, 1e-7])
+def test_a_soup_with_rounded_corners_closes(noise):
+    corners = BALL.triangles.reshape(-1, 3)
+    corners = corners + np.random.default_rng(0).uniform(-noise, noise, corners.shape)
+    cleaned = clean(raw(corners, np.arange(len(corners)).reshape(-1, 3)))
+    assert cleaned.mass == VOLUME
+    assert len(cleaned.mesh.faces) == len(BALL.faces)
+
+
+def test_a_colander_keeps_its_holes():
+    bowl = trimesh.creation.icosphere(4)
+    below = bowl.triangles_center[:, 2] < 0.2
+    bowl = raw(bowl.vertices, bowl.faces[below][np.arange(below.sum()) % 40 > 0])
+    cleaned = clean(bowl)
+    assert cleaned.mass == HULL
+    assert len(cleaned.mesh.faces) == len(bowl.faces)
+
+
+def test_a_thin_frame_weighs_what_it_weighs():
+    rods = [trimesh.creation.box([1, 0.008, 0.008])]
+    for place in ((0, 0.5, 0), (0, 0.5, 0.5), (0, 0, 0.5)):
+        rods.append(moved(rods[0], *place))
+    for x in (-0.496, 0.496):
+        rods += [moved(trimesh.creation.box([0.008, 0.5, 0.008]), x, 0.25, z) for z in (0, 0.5)]
+        rods += [moved(trimesh.creation.box([0.008, 0.008, 0.5]), x, y, 0.25) for y in (0, 0.5)]
+    cleaned = clean(trimesh.util.concatenate(rods))
+    assert cleaned.mass == VOLUME
+    assert cleaned.mesh.volume == pytest.approx(0.008**2 * (4 + 8 * 0.5), rel=0.05)

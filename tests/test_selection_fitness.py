@@ -40,8 +40,11 @@ def bad_meshes():
     yield "no volume", raw(np.vander(np.linspace(0, 1, 4), 3), [[0, 1, 2], [1, 3, 2], [0, 1, 3], [0, 2, 3]])
     yield "stray vertex", with_vertex(BALL, 5, [0, 0, 100.0])
     yield "no volume", with_vertex(BALL, 5, [1e9, 0, 0])
+    yield "stray vertex", with_vertex(with_vertex(BALL, 5, [0, 0, 100.0]), 300, [0, 90.0, 0])
+    yield "not finite", raw(BALL.vertices * 1e308, BALL.faces)
     for seed in range(3):
         yield "crumbs", crumbs(1000, 0.01, seed)
+    yield "too many parts: 35", trimesh.util.concatenate([BALL.copy().apply_scale(2), crumbs(3500, 0.01, 0)])
     yield "in pieces: 2", trimesh.util.concatenate([BALL, BALL.copy().apply_translation([2.5, 0, 0])])
 
 
@@ -57,6 +60,20 @@ def test_a_mesh_without_points_is_rejected():
         clean(trimesh.Trimesh())
 
 
+def chain(links):
+    """Rings that hang in each other and do not touch."""
+    ring = trimesh.creation.torus(1.0, 0.12)
+    turned = ring.copy().apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0]))
+    return trimesh.util.concatenate(
+        [(ring, turned)[k % 2].copy().apply_translation([1.5 * k, 0, 0]) for k in range(links)]
+    )
+
+
+def handle():
+    """A wire, thin beside its plate, that stands out by half the plate's length."""
+    return trimesh.creation.box([0.004, 0.004, 0.5]).apply_translation([0.3, 0.3, 0.26])
+
+
 def good_meshes():
     yield with_vertex(BALL, 5, [0, 0, 5.0])  # a ball with a spike
     yield trimesh.creation.cylinder(0.01, 2.0)
@@ -66,12 +83,25 @@ def good_meshes():
     yield trimesh.util.concatenate([BALL, BALL.copy().apply_translation([2.05, 0, 0])])  # all but touching
     yield raw(BALL.vertices * 1e-7, BALL.faces)
     yield raw(BALL.vertices * 1e7 + 1e8, BALL.faces)
+    yield raw(np.vstack([BOX.vertices, [[np.nan, 0, 0]]]), BOX.faces)  # nor one that is no number
+    yield chain(20)
+    yield trimesh.boolean.union([trimesh.creation.box([1, 1, 0.05]), handle()])
 
 
 @pytest.mark.parametrize("mesh", list(good_meshes()))
 def test_an_odd_but_sound_mesh_passes(mesh):
     cleaned = clean(mesh)
     assert cleaned.mesh.is_volume
+
+
+def test_a_cloud_of_loose_triangles_takes_no_quadratic_time():
+    """Fifty thousand pieces and as many rims beside a ball: comparing all with all would take hours."""
+    rng = np.random.default_rng(0)
+    corners = (rng.uniform(-1, 1, (50_000, 1, 3)) + rng.normal(scale=0.02, size=(50_000, 3, 3))).reshape(-1, 3)
+    cloud = raw(corners, np.arange(len(corners)).reshape(-1, 3))
+    cleaned = clean(trimesh.util.concatenate([BALL, cloud]))
+    assert cleaned.mass == "convex hull"
+    assert len(cleaned.mesh.faces) == len(BALL.faces) + 50_000
 
 
 @pytest.mark.parametrize("seed", range(30))

@@ -6,6 +6,7 @@ import itertools
 import os
 import signal
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ import pytest
 
 from graspfn.params import Compute
 from graspfn.workflow.files import atomic, read_npz, write_npz, write_parquet
-from graspfn.workflow.parallel import map_in_order, map_objects
+from graspfn.workflow.parallel import AHEAD, map_in_order, map_objects
 from graspfn.workflow.seeds import generator, seed_of
 from graspfn.workflow.shards import code_digest, shard_key
 
@@ -67,6 +68,23 @@ def test_a_map_in_order_may_have_no_end() -> None:
     tasks = ((name, (name,)) for name in map(str, itertools.count()))
     found = list(itertools.islice(map_in_order(draw, tasks, 12, compute(2), "draw"), 12))
     assert found == [(str(k), draw(str(k))) for k in range(12)]
+
+
+def slow_if_first(name: str) -> str:
+    time.sleep(2.0 if name == "0" else 0.0)
+    return name
+
+
+def test_a_slow_first_task_does_not_let_the_others_run_away() -> None:
+    issued = []
+
+    def tasks() -> Iterator[tuple[str, tuple[str]]]:
+        for name in map(str, itertools.count()):
+            issued.append(name)
+            yield name, (name,)
+
+    assert next(iter(map_in_order(slow_if_first, tasks(), 1, compute(2), "slow")))[0] == "0"
+    assert len(issued) <= 2 * AHEAD
 
 
 def test_no_tasks_start_no_cluster() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import trimesh
 
 VOLUME, HULL = "volume", "convex hull"  # what carries the mass of an object
-MIN_SOLID = 1e-3  # closed volume over hull volume, below which the surface encloses only rounding errors
+MIN_SOLID = 1e-6  # closed volume over hull volume, below which the surface encloses only rounding errors
 
 
 def solid(mesh: trimesh.Trimesh) -> trimesh.Trimesh:

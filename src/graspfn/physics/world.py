@@ -93,7 +93,7 @@ class TableWorld:
 
 
 class GraspWorld(TableWorld):
-    """One object on a table under a gripper; collision: the mesh that the gripper meets (meshes/collision.py)."""
+    """One object on a table under a gripper; collision: the mesh that the gripper meets (selection/collision.py)."""
 
     def __init__(self, mesh: trimesh.Trimesh, collision: trimesh.Trimesh, physics: Physics, gripper: Gripper):
         super().__init__(mesh, physics, collision)

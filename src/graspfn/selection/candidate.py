@@ -49,8 +49,13 @@ class Source(Protocol):
 
 
 def order(candidates: Iterable[Candidate], split: str, seed: int, by: str) -> list[Candidate]:
-    """What a split takes of a finite source, first things first."""
+    """What a split takes of a finite source, first things first. MeshError where two meshes would have one id."""
     pool = list(candidates)
+    names: dict[str, str] = {}  # some file systems tell no capitals
+    for candidate in pool:
+        twin = names.setdefault(candidate.id.lower(), candidate.name)
+        if twin != candidate.name:
+            raise MeshError(f"{candidate.source}: {twin} and {candidate.name} would both be {candidate.id}; rename one")
     if by == "family":
         own = family_side((candidate.family for candidate in pool), split, seed, pool[0].source)
         pool = [candidate for candidate in pool if candidate.family in own]

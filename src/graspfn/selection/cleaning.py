@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from manifold3d import Error, Manifold, Mesh64, OpType
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
-from graspfn.meshes.mass import HULL, MIN_SOLID, VOLUME, signed_volume, solid
-from graspfn.selection.fitness import check_object, check_surface
+from graspfn.meshes.mass import HULL, VOLUME, solid
+from graspfn.selection.fitness import check_body, check_surface
+from graspfn.selection.pieces import boxes, connected
+from graspfn.selection.solids import solids_united
 
+WELD = 1e-6  # of the size: vertices so near are one; single precision tells no more apart
 HOLE = 0.2  # a hole no longer than this share of its piece is closed; a longer one may be the mouth of a cup
-SEAM = 1e-4  # of the size: what simplifying the seams of united parts may move the surface by
+FLAT = 1e-6  # volume of a piece over the cube of its size, below which it has no inside
 
 
 @dataclass(frozen=True)
@@ -38,67 +38,70 @@ def clean(raw: trimesh.Trimesh) -> Cleaned:
     and unites parts that overlap or touch into one surface without anything inside.
     """
     steps = [raw.metadata["source_note"]] if "source_note" in raw.metadata else []
-    check_surface(np.asarray(raw.vertices), np.asarray(raw.faces))
+    vertices, faces = _used(np.asarray(raw.vertices), np.asarray(raw.faces))
     # libraries take what is smaller than about 1e-8 for nothing; a power of two changes no digit
-    size = np.ptp(np.asarray(raw.vertices)[np.unique(raw.faces)], axis=0).max()
-    unit = 2.0 ** np.round(np.log2(max(size, np.finfo(float).tiny)))
-    mesh = _welded(np.asarray(raw.vertices) / unit, np.asarray(raw.faces), steps)
-    check_surface(np.asarray(mesh.vertices), np.asarray(mesh.faces))
-    check_object(mesh)
-    _orient(mesh, steps)
-    if not mesh.is_watertight:
-        mesh = _holes_closed(mesh, steps)
-    mesh = _united(mesh, steps)
+    unit = 2.0 ** np.round(np.log2(check_surface(vertices, faces)))
+    mesh = _welded(vertices / unit, faces, steps)
+    check_surface(mesh.vertices, mesh.faces)
+    mesh = solids_united(mesh, steps) or _mended(mesh, steps)
+    check_body(mesh)
     mass = VOLUME if solid(mesh) is mesh else HULL
     return Cleaned(trimesh.Trimesh(mesh.vertices * unit, mesh.faces, process=False), mass, "; ".join(steps))
 
 
+def _used(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Without the vertices that no face has."""
+    used, corners = np.unique(faces, return_inverse=True)
+    return (vertices, faces) if len(used) == len(vertices) else (vertices[used], corners.reshape(-1, 3))
+
+
 def _welded(vertices: np.ndarray, faces: np.ndarray, steps: list[str]) -> trimesh.Trimesh:
-    """Vertices that coincide to 1e-8 of the size merged; unused ones, collapsed faces and repeated faces dropped."""
+    """Vertices that coincide merged; faces that collapsed, or that are there twice with one winding, dropped."""
     mesh = trimesh.Trimesh(vertices, faces, process=False)
-    size = float(np.max(mesh.extents))
     # a closed surface may touch itself: welding it there would open it
-    if size > 0 and not mesh.is_watertight:
-        mesh.merge_vertices(digits_vertex=8 - int(np.ceil(np.log10(size))))
-        if len(mesh.vertices) < len(vertices):
+    if not mesh.is_watertight:
+        places, owner = np.unique(vertices, axis=0, return_inverse=True)
+        size = np.ptp(vertices, axis=0).max()
+        group = connected(cKDTree(places).query_pairs(WELD * size, output_type="ndarray"), len(places))
+        _, keep, owner = np.unique(group[owner.ravel()], return_index=True, return_inverse=True)
+        if len(keep) < len(vertices):
             steps.append("vertices merged")
-    corners = np.sort(mesh.faces, axis=1)
-    mesh.update_faces((corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2]))
-    once = mesh.unique_faces()
-    # a sheet with a face on either side takes one of them; a solid that pinches to such a pair takes both
-    if not np.all(once) and not _encloses(mesh):
-        mesh.update_faces(once)
-    mesh.remove_unreferenced_vertices()
-    if dropped := len(faces) - len(mesh.faces):
-        steps.append(f"{dropped} collapsed or repeated faces dropped")
-    return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+        vertices, faces = vertices[keep], owner.ravel()[faces]
+    a, b, c = faces.T
+    faces = faces[(a != b) & (b != c) & (c != a)]
+    turn = faces.argmin(axis=1)[:, None]  # equal faces of one winding start with the same corner then
+    _, once = np.unique(np.take_along_axis(faces, (turn + np.arange(3)) % 3, axis=1), axis=0, return_index=True)
+    if len(once) < len(mesh.faces):
+        steps.append(f"{len(mesh.faces) - len(once)} collapsed or repeated faces dropped")
+        faces = faces[np.sort(once)]
+    return trimesh.Trimesh(*_used(vertices, faces), process=False)
 
 
-def _encloses(mesh: trimesh.Trimesh) -> bool:
-    """Whether the faces, each run along every edge as often one way as the other, bound a volume."""
-    whole = _manifold(mesh.vertices - mesh.bounds.mean(axis=0), mesh.faces)
-    return whole.status() == Error.NoError and abs(whole.volume()) > MIN_SOLID * mesh.convex_hull.volume
+def _mended(mesh: trimesh.Trimesh, steps: list[str]) -> trimesh.Trimesh:
+    """A mesh whose faces do not close as they are: sheets single, windings agreeing, small holes closed."""
+    sheets = mesh.unique_faces()  # a sheet may have a face on either side
+    if not np.all(sheets):
+        steps.append(f"{np.count_nonzero(~sheets)} back faces dropped")
+        mesh = trimesh.Trimesh(*_used(mesh.vertices, mesh.faces[sheets]), process=False)
+    mesh = _agreeing(mesh, steps)
+    mesh = _holes_closed(mesh, steps)
+    return solids_united(mesh, steps, alone=False) or mesh
 
 
-def _orient(mesh: trimesh.Trimesh, steps: list[str]) -> None:
-    """Make the faces of each connected piece agree and point outwards, in place."""
+def _agreeing(mesh: trimesh.Trimesh, steps: list[str]) -> trimesh.Trimesh:
+    """The faces of each connected piece made to agree and, where it has an inside, to point outwards."""
     piece, flip = _windings(np.asarray(mesh.faces), mesh.face_adjacency, mesh.face_adjacency_edges)
-    faces = np.where(flip[:, None], mesh.faces[:, ::-1], mesh.faces)
-    corners = mesh.vertices[faces]
-    count = piece.max() + 1
-    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
-    np.minimum.at(low, piece, corners.min(axis=1))
-    np.maximum.at(high, piece, corners.max(axis=1))
+    triangles = np.where(flip[:, None, None], mesh.triangles[:, ::-1], mesh.triangles)
+    low, high = boxes(piece, triangles.min(axis=1), triangles.max(axis=1))
     # volume of each piece, reckoned from its own middle so that an open one has a meaning too
-    a, b, c = np.moveaxis(corners - ((low + high) / 2)[piece][:, None], 1, 0)
-    inverted = np.bincount(piece, np.einsum("ij,ij->i", a, np.cross(b, c))) < 0
-    # one that lies inside another may be the wall of a hollow and stays
-    for i in np.flatnonzero(inverted):
-        inverted[i] = not ((low < low[i]) & (high > high[i])).all(axis=1).any()
-    flip = flip ^ inverted[piece]
-    mesh.faces = np.where(flip[:, None], mesh.faces[:, ::-1], mesh.faces)
+    corners = np.bincount(piece)[:, None]
+    middle = np.column_stack([np.bincount(piece, triangles.mean(axis=1)[:, k]) for k in range(3)]) / corners
+    a, b, c = np.moveaxis(triangles - middle[piece][:, None], 1, 0)
+    volume = np.bincount(piece, np.einsum("ij,ij->i", a, np.cross(b, c))) / 6
+    flip = flip ^ (volume < -FLAT * (high - low).max(axis=1) ** 3)[piece]
     if flip.any():
         steps.append(f"{np.count_nonzero(flip)} faces turned")
+    return trimesh.Trimesh(mesh.vertices, np.where(flip[:, None], mesh.faces[:, ::-1], mesh.faces), process=False)
 
 
 def _windings(faces: np.ndarray, pairs: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -116,66 +119,41 @@ def _windings(faces: np.ndarray, pairs: np.ndarray, edges: np.ndarray) -> tuple[
     # each face as it is (i) and flipped (i + count), joined where they would agree
     left = np.concatenate([pairs[:, 0], pairs[:, 0] + count])
     right = np.concatenate([pairs[:, 1] + clash, pairs[:, 1] + count - clash])
-    side = connected_components(coo_array((np.ones(len(left)), (left, right)), (2 * count, 2 * count)), False)[1]
-    piece = connected_components(coo_array((np.ones(len(pairs)), tuple(pairs.T)), (count, count)), False)[1]
+    side = connected(np.column_stack([left, right]), 2 * count)
+    piece = connected(pairs, count)
     first = np.unique(piece, return_index=True)[1]
     return piece, side[:count] != side[first[piece]]
 
 
 def _holes_closed(mesh: trimesh.Trimesh, steps: list[str]) -> trimesh.Trimesh:
-    """The mesh with a fan of faces over every small hole: a simple loop of edges that one face each runs along."""
+    """The mesh with a fan of faces over the holes of every piece that small ones alone keep open.
+
+    A hole is a simple loop of edges that one face each runs along. Pieces that would stay open keep their holes too:
+    nothing would be gained, and a colander has its holes for a reason.
+    """
     edges = mesh.edges  # (3 m, 2), as the faces run along them
     _, inverse, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
     rim = edges[count[inverse.ravel()] == 1]
     if len(rim) == 0:
         return mesh
-    n = len(mesh.vertices)
-    loop = connected_components(coo_array((np.ones(len(rim)), tuple(rim.T)), (n, n)), False)[1][rim[:, 0]]
-    piece = connected_components(coo_array((np.ones(len(edges)), tuple(edges.T)), (n, n)), False)[1]
-    leaves, enters = (Counter(rim[:, k].tolist()) for k in (0, 1))
-    vertices, faces = list(mesh.vertices), [np.asarray(mesh.faces)]
-    closed = 0
-    for i in np.unique(loop):
-        around = rim[loop == i]
-        corners = mesh.vertices[around[:, 0]]
-        simple = all(leaves[v] == enters[v] == 1 for v in around[:, 0].tolist())
-        whole = mesh.vertices[piece == piece[around[0, 0]]]
-        if simple and np.ptp(corners, axis=0).max() <= HOLE * np.ptp(whole, axis=0).max():
-            faces.append(np.column_stack([around[:, ::-1], np.full(len(around), len(vertices))]))
-            vertices.append(corners.mean(axis=0))
-            closed += 1
-    if closed:
-        steps.append(f"{closed} holes closed")
-    return trimesh.Trimesh(np.array(vertices), np.concatenate(faces), process=False)
-
-
-def _united(mesh: trimesh.Trimesh, steps: list[str]) -> trimesh.Trimesh:
-    """The outer surface of all closed parts together, less their hollows; the mesh itself where a part is open."""
-    middle = mesh.bounds.mean(axis=0)  # far from the origin a boolean would lose digits
-    whole = _manifold(mesh.vertices - middle, mesh.faces)
-    if whole.status() != Error.NoError:
+    loop = connected(rim, len(mesh.vertices))[rim[:, 0]]
+    _, starts, loop = np.unique(loop, return_index=True, return_inverse=True)
+    # simple: it enters and leaves each of its vertices once
+    leaves, enters = (np.bincount(rim[:, k], minlength=len(mesh.vertices)) for k in (0, 1))
+    simple = np.bincount(loop, (leaves[rim[:, 0]] != 1) | (enters[rim[:, 0]] != 1)) == 0
+    piece = connected(edges, len(mesh.vertices))
+    across = np.ptp(boxes(loop, mesh.vertices[rim[:, 0]]), axis=0).max(axis=1)
+    whole = np.ptp(boxes(piece, mesh.vertices), axis=0).max(axis=1)
+    of = piece[rim[starts, 0]]
+    good = simple & (across <= HOLE * whole[of])
+    closed = np.flatnonzero((np.bincount(of, ~good) == 0)[of])
+    if len(closed) == 0:
         return mesh
-    parts = whole.decompose()
-    if len(parts) == 1 and mesh.is_watertight:
-        return mesh
-    outer = [part for part in parts if part.volume() > 0]
-    if not outer:
-        return mesh
-    hollows = [part.to_mesh64() for part in parts if part.volume() < 0]
-    union = Manifold.batch_boolean(outer, OpType.Add)
-    for hollow in hollows:
-        union -= _manifold(hollow.vert_properties[:, :3], hollow.tri_verts[:, ::-1])
-    # as_original forgets which part a face came from, which would keep the seams from being simplified
-    union = union.as_original().simplify(SEAM * float(mesh.extents.max()))
-    result = union.to_mesh64()
-    united = trimesh.Trimesh(
-        np.array(result.vert_properties[:, :3]) + middle, np.array(result.tri_verts, dtype=np.int64), process=False
-    )
-    if not united.is_watertight or signed_volume(united) <= 0:
-        return mesh
-    steps.append(f"{len(parts)} parts united" if len(parts) > 1 else "touching edges parted")
-    return united
-
-
-def _manifold(vertices: np.ndarray, faces: np.ndarray) -> Manifold:
-    return Manifold(Mesh64(np.array(vertices, dtype=np.float64, order="C"), np.array(faces, np.uint64, order="C")))
+    new = np.full(len(starts), -1)
+    new[closed] = len(mesh.vertices) + np.arange(len(closed))
+    around = new[loop] >= 0
+    fans = np.column_stack([rim[around][:, ::-1], new[loop[around]]])
+    size = np.bincount(loop)[closed, None]
+    middles = np.column_stack([np.bincount(loop, mesh.vertices[rim[:, 0], k])[closed] for k in range(3)]) / size
+    steps.append(f"{len(closed)} holes closed")
+    return trimesh.Trimesh(np.vstack([mesh.vertices, middles]), np.vstack([mesh.faces, fans]), process=False)

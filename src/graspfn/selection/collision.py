@@ -12,7 +12,8 @@ PROBES = 200
 
 
 def collision_mesh(mesh: trimesh.Trimesh, faces: int, tolerance: float) -> trimesh.Trimesh:
-    """The mesh with about `faces` faces, or as many more as keep it within `tolerance` (m) of the mesh.
+    """The mesh with about `faces` faces, or as many more as keep it within `tolerance` (m) of the mesh, measured at the
+    vertices and the middles of the faces of both.
 
     Contacts, and with them the time of a step, grow with the faces. What comes back may be open: it is a surface to
     touch, while mass and inside are those of the mesh itself.
@@ -56,9 +57,10 @@ def _merged(mesh: trimesh.Trimesh, cell: float) -> trimesh.Trimesh:
 
 
 def _within(simple: trimesh.Trimesh, mesh: trimesh.Trimesh, tolerance: float) -> bool:
-    """Whether no vertex of either lies farther than `tolerance` (m) from the other."""
-    some = mesh.vertices[:: len(mesh.vertices) // PROBES + 1]  # most meshes that fail fail here, at little cost
-    pairs = ((some, simple), (mesh.vertices, simple), (simple.vertices, mesh))
+    """Whether no vertex and no middle of a face of either lies farther than `tolerance` (m) from the other."""
+    theirs, ours = (np.vstack([surface.vertices, surface.triangles_center]) for surface in (simple, mesh))
+    some = ours[:: len(ours) // PROBES + 1]  # most meshes that fail fail here, at little cost
+    pairs = ((some, simple), (ours, simple), (theirs, mesh))
     return not any(outside(points, surface, tolerance).any() for points, surface in pairs)
 
 

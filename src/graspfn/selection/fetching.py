@@ -66,12 +66,18 @@ def _download(release: Release, source: str, folder: Path) -> Path:
     """The file of a release, by pip with the user's own index and proxies.
 
     pip checks the hash before it opens the file. (It then runs the setup.py of a source distribution, for its name and
-    version: with the hash checked, always the same one.)
+    version: with the hash checked always the same one, and with this environment's setuptools.)
     """
     wanted = folder / "requirements.txt"
     wanted.write_text(f"{release.package}=={release.version} --hash=sha256:{release.sha256}\n")
     quiet = ["--quiet", "--disable-pip-version-check", "--no-input"]
-    options = [*release.form.split(), "--no-deps", "--require-hashes", f"--dest={folder / 'download'}"]
+    options = [
+        *release.form.split(),
+        "--no-deps",
+        "--no-build-isolation",
+        "--require-hashes",
+        f"--dest={folder / 'download'}",
+    ]
     command = [sys.executable, "-m", "pip", "download", *quiet, *options, f"--requirement={wanted}"]
     done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False)
     if done.returncode:
@@ -86,6 +92,8 @@ def _download(release: Release, source: str, folder: Path) -> Path:
 def _reason(stderr: str) -> str:
     """The last error that pip names, in some words."""
     lines = [line.strip() for line in stderr.splitlines() if line.strip()]
+    if any("onnection broken by" in line or "NewConnectionError" in line for line in lines):
+        return "no connection to the package index"
     errors = [line.removeprefix("ERROR: ") for line in lines if line.startswith("ERROR: ")]
     return ([*lines, *errors] or ["it gave no reason"])[-1].partition(". ")[0][:120]
 

@@ -19,6 +19,7 @@ from graspfn.selection.signature import Shapes, signature
 from graspfn.selection.sources import source_of
 from graspfn.workflow.seeds import generator
 
+IN_VAIN = 200  # meshes turned down one after the other: an endless source would go on for ever
 REJECTS = ("split", "source", "name", "class", "reason")
 
 
@@ -33,9 +34,10 @@ def one_by_one(
     """A Map in this process."""
     for name, arguments in tasks:
         try:
-            yield name, function(*arguments)
-        except RejectedMeshError as reason:
-            yield name, reason
+            result: Object | Exception = function(*arguments)
+        except Exception as error:
+            result = error
+        yield name, result
 
 
 def make_object(candidate: Candidate, raw: trimesh.Trimesh | RejectedMeshError, meshes: Meshes, seed: int) -> Object:
@@ -113,7 +115,7 @@ class Selection:
                 issued[candidate.id] = index, candidate
                 yield candidate.id, (candidate, self._load(candidate), self.meshes, self.seed)
 
-        found = 0
+        found = in_vain = 0
         for name, result in self.map(make_object, tasks(), wanted):
             index, candidate = issued.pop(name)
             self._drawn[name] = split
@@ -122,8 +124,13 @@ class Selection:
             except RejectedMeshError as reason:
                 values = (split, candidate.source, candidate.name, candidate.category, str(reason))
                 self.rejects.append(dict(zip(REJECTS, values, strict=True)))
+                in_vain += 1
+                if in_vain == IN_VAIN:
+                    raise MeshError(
+                        f"meshes.source {self.source.name}: {IN_VAIN} turned down in a row: {reason}"
+                    ) from None
                 continue
-            found += 1
+            found, in_vain = found + 1, 0
             yield Object(shape.row | {"split": split, "seed_index": index}, shape.mesh, shape.collision)
             if found == wanted:
                 return
@@ -139,6 +146,8 @@ class Selection:
         """The object with the shape that it has, RejectedMeshError where it may not be in this split."""
         if isinstance(result, RejectedMeshError):
             raise result
+        if isinstance(result, ImportError):
+            raise MeshError(f"{name}: {result}; every worker takes this package with all its dependencies") from result
         if isinstance(result, Exception):  # a library's error on a mesh nobody foresaw, or a worker that died of it
             raise RejectedMeshError(f"failed: {type(result).__name__} {' '.join(str(result).split())}") from result
         found = np.array(result.row["signature"])
@@ -163,6 +172,13 @@ class Selection:
 def select(meshes: Meshes, seed: int, map: Map = one_by_one) -> Selection:
     """The objects that the parameters ask for; MeshError at once where the source cannot hold so many."""
     selection = Selection(meshes, seed, source_of(meshes), map)
-    if selection.source.count < meshes.train + meshes.test:
+    source = selection.source
+    if source.count < meshes.train + meshes.test:
         raise MeshError(selection._too_few("none drawn"))
+    for split, wanted in (("train", meshes.train), ("test", meshes.test)):
+        if (
+            np.isfinite(source.count)
+            and (there := sum(1 for _ in source.candidates(split, seed, meshes.split))) < wanted
+        ):
+            raise MeshError(selection._too_few(f"{there} to {split} on"))
     return selection

@@ -16,6 +16,7 @@ from tqdm import tqdm
 from graspfn.params import Compute
 
 ATTEMPTS_PER_TASK = 3  # DART can take its process down; a task that kills three workers is recorded as failed
+AHEAD = 10  # tasks per worker that may be done before the one that is asked for next
 
 
 class ClusterError(ValueError):
@@ -64,10 +65,12 @@ def map_objects(
     compute: Compute,
     label: str,
     unit: str = "object",
+    hold: Callable[[int], bool] = lambda workers: False,
 ) -> Iterator[tuple[str, Any | Exception]]:
     """`function(*arguments)` of every (name, arguments) as each is done, in any order: (name, result or exception).
 
-    Results may not depend on the worker or the order. A task that kills its worker three times gives KilledWorker.
+    Results may not depend on the worker or the order. A task that kills its worker three times gives an error.
+    `hold` says, of the number of workers, whether no further task may start yet.
     """
     if total == 0:
         return
@@ -80,7 +83,8 @@ def map_objects(
         call = uuid.uuid4().hex  # other calls may be on the same scheduler
 
         def fill() -> None:
-            while len(names) < 3 * max(1, len(client.nthreads())):  # workers come and go
+            workers = max(1, len(client.nthreads()))  # they come and go
+            while len(names) < 3 * workers and not hold(workers):
                 name, arguments = next(waiting, (None, ()))
                 if name is None:
                     return
@@ -97,9 +101,9 @@ def map_objects(
                 result = RuntimeError(f"{name}: killed its worker process {ATTEMPTS_PER_TASK} times")
             except Exception as error:
                 result = error
-            fill()
             bar.update()
             yield name, result
+            fill()
 
 
 def map_in_order(
@@ -113,12 +117,15 @@ def map_in_order(
     order: deque[str] = deque()
     done: dict[str, Any] = {}
 
+    def far_ahead(workers: int) -> bool:
+        return len(order) >= AHEAD * workers
+
     def noted() -> Iterator[tuple[str, tuple[Any, ...]]]:
         for name, arguments in tasks:
             order.append(name)
             yield name, arguments
 
-    for name, result in map_objects(function, noted(), total, compute, label):
+    for name, result in map_objects(function, noted(), total, compute, label, hold=far_ahead):
         done[name] = result
         while order and order[0] in done:
             name = order.popleft()
