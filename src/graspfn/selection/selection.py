@@ -22,7 +22,6 @@ from graspfn.workflow.seeds import generator
 IN_VAIN = 200  # meshes turned down one after the other: an endless source would go on for ever
 REJECTS = ("split", "source", "name", "class", "reason")
 
-
 Task = tuple[Candidate, trimesh.Trimesh | RejectedMeshError, Meshes, int]
 # map(function, tasks by name, how many are wanted): names and results or exceptions, in the order of the tasks
 Map = Callable[[Callable[..., Object], Iterable[tuple[str, Task]], int], Iterable[tuple[str, Object | Exception]]]
@@ -120,18 +119,17 @@ class Selection:
             index, candidate = issued.pop(name)
             self._drawn[name] = split
             try:
-                shape = self._shape(split, name, result)
+                drawn = self._accepted(split, name, result)
             except RejectedMeshError as reason:
                 values = (split, candidate.source, candidate.name, candidate.category, str(reason))
                 self.rejects.append(dict(zip(REJECTS, values, strict=True)))
                 in_vain += 1
-                if in_vain == IN_VAIN:
-                    raise MeshError(
-                        f"meshes.source {self.source.name}: {IN_VAIN} turned down in a row: {reason}"
-                    ) from None
+                if in_vain == IN_VAIN and np.isinf(self.source.count):
+                    line = f"meshes.source {self.source.name}: {IN_VAIN} turned down in a row: {reason}"
+                    raise MeshError(line) from None
                 continue
             found, in_vain = found + 1, 0
-            yield Object(shape.row | {"split": split, "seed_index": index}, shape.mesh, shape.collision)
+            yield Object(drawn.row | {"split": split, "seed_index": index}, drawn.mesh, drawn.collision)
             if found == wanted:
                 return
         raise MeshError(self._too_few(f"{found} of {wanted} {split} objects found"))
@@ -142,8 +140,8 @@ class Selection:
         except RejectedMeshError as reason:
             return reason
 
-    def _shape(self, split: str, name: str, result: Object | Exception) -> Object:
-        """The object with the shape that it has, RejectedMeshError where it may not be in this split."""
+    def _accepted(self, split: str, name: str, result: Object | Exception) -> Object:
+        """The object with the name of its shape; RejectedMeshError where it is none, or may not be in this split."""
         if isinstance(result, RejectedMeshError):
             raise result
         if isinstance(result, ImportError):
@@ -173,12 +171,12 @@ def select(meshes: Meshes, seed: int, map: Map = one_by_one) -> Selection:
     """The objects that the parameters ask for; MeshError at once where the source cannot hold so many."""
     selection = Selection(meshes, seed, source_of(meshes), map)
     source = selection.source
+    if np.isinf(source.count):
+        return selection
     if source.count < meshes.train + meshes.test:
         raise MeshError(selection._too_few("none drawn"))
     for split, wanted in (("train", meshes.train), ("test", meshes.test)):
-        if (
-            np.isfinite(source.count)
-            and (there := sum(1 for _ in source.candidates(split, seed, meshes.split))) < wanted
-        ):
+        there = sum(1 for _ in source.candidates(split, seed, meshes.split))
+        if there < wanted:
             raise MeshError(selection._too_few(f"{there} to {split} on"))
     return selection
