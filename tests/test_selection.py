@@ -192,21 +192,20 @@ def test_the_number_of_workers_changes_nothing(shapes):
     assert alone.rejects == spread.rejects
 
 
-def test_an_endless_source_of_failures_ends(monkeypatch):
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (ArithmeticError("no luck"), "turned down in a row: failed: ArithmeticError no luck"),
+        # a worker without the package is no reason to reject
+        (ModuleNotFoundError("No module named 'manifold3d'"), "every worker takes this package"),
+    ],
+)
+def test_an_endless_source_of_failures_ends(monkeypatch, error, line):
     def fail(*arguments):
-        raise ArithmeticError("no luck")
+        raise error
 
     monkeypatch.setattr("graspfn.selection.selection.make_object", fail)
-    with pytest.raises(MeshError, match="turned down in a row: failed: ArithmeticError no luck"):
-        list(select(meshes("procedural", 3, 1), 0).train)
-
-
-def test_a_worker_without_the_package_is_no_reason_to_reject(monkeypatch):
-    def fail(*arguments):
-        raise ModuleNotFoundError("No module named 'manifold3d'")
-
-    monkeypatch.setattr("graspfn.selection.selection.make_object", fail)
-    with pytest.raises(MeshError, match="every worker takes this package"):
+    with pytest.raises(MeshError, match=line):
         list(select(meshes("procedural", 3, 1), 0).train)
 
 

@@ -39,7 +39,7 @@ def _line(source: str, licence: str, objects: pd.DataFrame, rejects: pd.DataFram
 
 def provenance(manifests: Mapping[str, pd.DataFrame], rejects: pd.DataFrame) -> list[Provenance]:
     """A line for every source by name, and one for all of them where there are several."""
-    objects = pd.concat([table.assign(split=split) for split, table in manifests.items()])
+    objects = pd.concat(list(manifests.values()))
     names = sorted({*objects["source"], *rejects["source"]})
     lines = []
     for name in names:

@@ -29,7 +29,7 @@ def selected(data: Path) -> pd.DataFrame:
     """
     tables = []
     for split in HEADINGS:
-        manifest = read_manifest(data / "objects" / split).assign(split=split)
+        manifest = read_manifest(data / "objects" / split)
         placed = pd.read_parquet(data / "placed" / f"{split}.parquet").drop(columns="class")
         tables.append(manifest.merge(placed, on="id", how="left").sort_values(["class", "id"]))
     return pd.concat(tables, ignore_index=True)

@@ -8,7 +8,7 @@ import trimesh
 from scipy.spatial import cKDTree
 
 AGGRESSION = 3  # of 10: the default of 7 departs from the mesh three times as far at equal faces
-PROBES = 200
+PROBES = 200  # points of a mesh that are looked at first
 
 
 def collision_mesh(mesh: trimesh.Trimesh, faces: int, tolerance: float) -> trimesh.Trimesh:
