@@ -6,14 +6,13 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import trimesh
 
 from graspfn.evaluation.trials import Bench, Sigma, trials_of_object
 from graspfn.geometry.camera import Intrinsics
 from graspfn.imaging.noise import observe
-from graspfn.meshes.placed import T_world_object, read_resting
-from graspfn.meshes.store import load_object
-from graspfn.params import Attempt, Declared, Gripper, Physics, Plan
+from graspfn.meshes.placed import Resting, load_resting, read_resting
+from graspfn.params import Declared, Plan
+from graspfn.physics.world import Rig
 from graspfn.workflow.files import keep_only, read_npz, write_parquet
 from graspfn.workflow.parallel import map_objects
 from graspfn.workflow.stage import stage
@@ -29,10 +28,8 @@ class EvaluationError(ValueError):
 
 def evaluate_object(
     name: str,
-    mesh: trimesh.Trimesh,
-    collision: trimesh.Trimesh,
-    T: np.ndarray,
-    world: tuple[Physics, Gripper, Attempt],
+    resting: Resting,
+    rig: Rig,
     scene: tuple[np.ndarray, np.ndarray, float],
     functions: dict[str, np.ndarray],
     sigmas: list[Sigma],
@@ -40,17 +37,17 @@ def evaluate_object(
     camera: Intrinsics,
     seed: int,
 ) -> list[dict[str, Any]]:
-    return trials_of_object(name, Bench(mesh, collision, T, *world), *scene, functions, sigmas, plan, camera, seed)
+    return trials_of_object(name, Bench(resting, rig), *scene, functions, sigmas, plan, camera, seed)
 
 
 @stage("evaluate")
 def main(params: Declared) -> None:
     camera = Intrinsics.from_params(params.camera)
     sigmas = [Sigma(uv, theta) for theta, uv in product(params.evaluate.sigma_theta_deg, params.evaluate.sigma_uv_mm)]
-    world = (params.physics, params.gripper, params.attempt)
+    rig = Rig(params.physics, params.gripper, params.attempt)
     images = np.load(IMAGES / "test.npy", mmap_mode="r")
     index = pd.read_parquet(IMAGES / "test.parquet").set_index("id")
-    placed = {row["id"]: T_world_object(row) for row in read_resting(PLACED).to_dict("records")}
+    placed = {row["id"]: row for row in read_resting(PLACED).to_dict("records")}
     keep_only(FUNCTIONS, [f"{network}.npz" for network in params.networks])
     functions = {network: read_npz(FUNCTIONS / f"{network}.npz")["scores"] for network in params.networks}
 
@@ -59,8 +56,8 @@ def main(params: Declared) -> None:
         depth = observe(images[line["row"]], params.noise, params.seed, name)
         scene = (depth, np.array([line["shift_u_m"], line["shift_v_m"]]), float(line["theta_rad"]))
         own = {network: scores[line["row"]] for network, scores in functions.items()}
-        mesh, collision = load_object(MESHES, name), load_object(COLLISION, name)
-        return name, mesh, collision, placed[name], world, scene, own, sigmas, params.plan, camera, params.seed
+        resting = load_resting(MESHES, COLLISION, placed[name])
+        return name, resting, rig, scene, own, sigmas, params.plan, camera, params.seed
 
     tasks = ((name, arguments(name)) for name in index.index)
     rows, failed = [], 0

@@ -4,13 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import trimesh
 
 from graspfn.geometry.grid import SHAPE
-from graspfn.meshes.placed import T_world_object, read_resting
-from graspfn.meshes.store import load_object
-from graspfn.params import Attempt, Declared, Gripper, Label, Physics
+from graspfn.meshes.placed import Resting, load_resting, read_resting
+from graspfn.params import Declared
 from graspfn.physics.labelling import Labels, joined, label_object
+from graspfn.physics.world import Rig
 from graspfn.workflow.files import read_npz, write_npz, write_parquet
 from graspfn.workflow.parallel import map_objects
 from graspfn.workflow.seeds import generator
@@ -26,42 +25,36 @@ class LabelError(ValueError):
     """Too many objects could not be labelled."""
 
 
-def label_part(
-    name: str,
-    angle: int,
-    meshes: tuple[trimesh.Trimesh, trimesh.Trimesh],
-    T: np.ndarray,
-    what: tuple[Label, Physics, Gripper, Attempt],
-    seed: int,
-) -> Labels:
-    labels, physics, gripper, attempt = what
-    rng, angles = generator(seed, "label_grasps", name), slice(angle, angle + 1)
-    return label_object(*meshes, T, labels.attempts, physics, gripper, attempt, rng, angles)
+def label_part(name: str, angle: int, resting: Resting, attempts: int, rig: Rig, seed: int) -> Labels:
+    rng = generator(seed, "label_grasps", name)
+    return label_object(resting, attempts, rig, rng, slice(angle, angle + 1))
 
 
 @stage("label_grasps")
 def main(params: Declared) -> None:
-    what = (params.label, params.physics, params.gripper, params.attempt)
+    attempts, rig = params.label.attempts, Rig(params.physics, params.gripper, params.attempt)
     code = code_digest("workflow", "geometry", "meshes", "physics")
-    placed = read_resting(PLACED).set_index("id", drop=False)
-    poses = {row["id"]: T_world_object(row) for row in placed.to_dict("records")}
+    placed = {row["id"]: row for row in read_resting(PLACED).to_dict("records")}
     shards = {}
-    for name, T in poses.items():
+    for name, row in placed.items():
         files = [folder / f"{name}.ply" for folder in (MESHES, COLLISION)]
-        key = shard_key(name, *files, T.tolist(), what, params.seed, code, Path(__file__))
+        key = shard_key(name, *files, row, attempts, rig, params.seed, code, Path(__file__))
         shards[name] = shard_path("label_grasps", key)
     todo = [name for name, path in shards.items() if not path.exists()]
     if len(todo) < len(shards):
         print(f"{len(shards) - len(todo)} of {len(shards)} objects were labelled before")
     tasks = (
-        (f"{name}/{angle}", (name, angle, meshes, poses[name], what, params.seed))
+        (f"{name}/{angle}", (name, angle, resting, attempts, rig, params.seed))
         for name in todo
-        for meshes in [(load_object(MESHES, name), load_object(COLLISION, name))]
+        for resting in [load_resting(MESHES, COLLISION, placed[name])]
         for angle in range(ANGLES)
     )
     parts: dict[str, dict[int, Labels]] = {name: {} for name in todo}
     failed = {}
-    for task, result in map_objects(label_part, tasks, len(todo) * ANGLES, params.compute, "label", "angle"):
+    count = len(todo) * ANGLES
+    for task, result in map_objects(
+        label_part, tasks, count, params.compute, "label", parts=ANGLES, attempts=lambda part: part.simulated
+    ):
         name, _, angle = task.rpartition("/")
         if isinstance(result, Exception):
             failed[name] = str(result)

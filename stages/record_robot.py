@@ -1,11 +1,9 @@
 """Record robot trials, one MCAP each: executed by the simulated robot, or taken over from a folder (paper V-B)."""
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from graspfn.evaluation.trials import Sigma, plan_all
 from graspfn.geometry.camera import Intrinsics
@@ -17,9 +15,10 @@ from graspfn.imaging.render import renderer
 from graspfn.learning.device import pick_device
 from graspfn.learning.prediction import predict
 from graspfn.learning.weights import load_network
-from graspfn.meshes.placed import T_world_object, read_resting
-from graspfn.meshes.store import load_object, read_manifest
+from graspfn.meshes.placed import load_resting, read_resting
+from graspfn.meshes.store import read_manifest
 from graspfn.params import Declared
+from graspfn.physics.world import Rig
 from graspfn.robot.read import read_trial, recordings
 from graspfn.robot.record import write_trial
 from graspfn.robot.simulated import Scene, file_name, record, see
@@ -32,22 +31,23 @@ MESHES, PLACED = Path("data/objects/test"), Path("data/placed/test.parquet")
 COLLISION, NETWORKS, OUT = Path("data/collision/test"), Path("data/networks"), Path("data/recordings")
 
 
-def robot_objects(params: Declared) -> dict[str, np.ndarray]:
-    """T_world_object of the first resting objects in the order of selection, which takes classes in turn."""
+def robot_objects(params: Declared) -> list[dict[Hashable, Any]]:
+    """Lines of placed objects: the first that rest in the order of selection, which takes classes in turn."""
     order = read_manifest(MESHES).sort_values("seed_index")["id"].tolist()
-    placed = {row["id"]: T_world_object(row) for row in read_resting(PLACED).to_dict("records")}
-    chosen = [name for name in order if name in placed][: params.robot.objects]
-    return {name: placed[name] for name in chosen}
+    placed = {row["id"]: row for row in read_resting(PLACED).to_dict("records")}
+    return [placed[name] for name in order if name in placed][: params.robot.objects]
 
 
-def simulated_tasks(params: Declared) -> Iterator[tuple[str, tuple[Any, ...]]]:
+def simulated_tasks(objects: list[dict[Hashable, Any]], params: Declared) -> Iterator[tuple[str, tuple[Any, ...]]]:
     """Every scene with the plans of all methods under all conditions."""
     camera, render = Intrinsics.from_params(params.camera), renderer(params.camera.renderer)
     device = pick_device(params.compute.device)
     networks = {name: load_network(NETWORKS / name) for name in params.networks}
     sigmas = [Sigma(*pair) for pair in zip(params.robot.sigma_uv_mm, params.robot.sigma_theta_deg, strict=True)]
-    for name, T in robot_objects(params).items():
-        mesh, collision = load_object(MESHES, name), load_object(COLLISION, name)
+    rig = Rig(params.physics, params.gripper, params.attempt)
+    for row in objects:
+        name, resting = row["id"], load_resting(MESHES, COLLISION, row)
+        mesh, T = resting.mesh, resting.T_world_object
         centred = render(mesh, T, camera)
         for placement in range(params.robot.placements):
             rng = generator(params.seed, "record_robot", name, placement)
@@ -60,8 +60,7 @@ def simulated_tasks(params: Declared) -> Iterator[tuple[str, tuple[Any, ...]]]:
             scene = Scene(name, placement, shift, theta, depth)
             key = f"{name}-{placement}"
             plans = plan_all(filled, functions, sigmas, params.plan, camera, params.seed, key)
-            world = (params.physics, params.gripper, params.attempt)
-            yield key, (scene, plans, mesh, collision, T, *world, camera, params.seed)
+            yield key, (scene, plans, resting, rig, camera, params.seed)
 
 
 @stage("record_robot")
@@ -74,8 +73,9 @@ def main(params: Declared) -> None:
             read_trial(path, params.topics)  # refuses, before anything runs on it, what cannot be analysed
             shutil.copyfile(path, OUT / path.name)
         return
-    scenes = len(robot_objects(params)) * params.robot.placements
-    for name, result in map_objects(record, simulated_tasks(params), scenes, params.compute, "record"):
+    objects = robot_objects(params)
+    scenes = len(objects) * params.robot.placements
+    for name, result in map_objects(record, simulated_tasks(objects, params), scenes, params.compute, "record"):
         if isinstance(result, Exception):
             print(f"left out {name}: {result}")
             continue

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import trimesh
 
 from graspfn.geometry.camera import Intrinsics
 from graspfn.geometry.transforms import unmove_pose
-from graspfn.params import Attempt, Gripper, Physics, Plan
-from graspfn.physics.attempt import Grasper, Outcome, Watcher
-from graspfn.physics.world import GraspWorld
+from graspfn.meshes.placed import Resting
+from graspfn.params import Plan
+from graspfn.physics.attempt import Grasper, Result
+from graspfn.physics.world import Rig
 from graspfn.planning.centroid import centroid_grasp
 from graspfn.planning.methods import best_grasp, robust_best_grasp
 from graspfn.workflow.seeds import generator
@@ -84,20 +84,12 @@ class Bench:
     of a grasp does not depend on where on the table it happens.
     """
 
-    def __init__(
-        self,
-        mesh: trimesh.Trimesh,
-        collision: trimesh.Trimesh,
-        T_world_object: np.ndarray,
-        physics: Physics,
-        gripper: Gripper,
-        attempt: Attempt,
-    ):
-        self.grasper = Grasper(GraspWorld(mesh, collision, physics, gripper), T_world_object, attempt)
+    def __init__(self, resting: Resting, rig: Rig):
+        self.grasper = Grasper(resting, rig)
 
-    def grasp(self, q: np.ndarray, shift_uv: np.ndarray, theta: float, watch: Watcher | None = None) -> Outcome:
+    def grasp(self, q: np.ndarray, shift_uv: np.ndarray, theta: float, film: bool = False) -> Result:
         """Attempt pose q (3,) of the image in which the object was turned by theta, then shifted by (u, v) metres."""
-        return self.grasper.run(unmove_pose(q, shift_uv, theta), watch)
+        return self.grasper.run(unmove_pose(q, shift_uv, theta), film=film)
 
 
 def trials_of_object(
@@ -116,7 +108,7 @@ def trials_of_object(
     rows = []
     for sigma, planned in plan_all(depth, functions, sigmas, plan, intrinsics, seed, name):
         reached = sigma.reached(planned.q, generator(seed, "evaluate", name, sigma.uv_mm, sigma.theta_deg))
-        outcome = bench.grasp(reached, shift_uv, theta)
+        result = bench.grasp(reached, shift_uv, theta)
         rows.append(
             {
                 "id": name,
@@ -126,8 +118,8 @@ def trials_of_object(
                 "sigma_theta_deg": sigma.theta_deg,
                 **dict(zip(("u_m", "v_m", "theta_rad"), planned.q.tolist(), strict=True)),
                 **dict(zip(("reached_u_m", "reached_v_m", "reached_theta_rad"), reached.tolist(), strict=True)),
-                "success": outcome is Outcome.HELD,
-                "outcome": outcome.value,
+                "success": result.held,
+                "outcome": result.outcome.value,
             }
         )
     return rows

@@ -3,17 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import trimesh
 from scipy.spatial.transform import Rotation
 
+from graspfn.meshes.store import load_object
 from graspfn.workflow.files import write_parquet
 
 RESTING = "resting"
 COLUMNS = ("id", "class", "status", "qw", "qx", "qy", "qz", "x", "y", "z")
+
+
+@dataclass(frozen=True, eq=False)
+class Resting:
+    """An object at rest on the table.
+
+    mesh: what is seen and weighed, metres about its centre of mass; collision: what of it a gripper touches;
+    T_world_object: (4, 4) resting pose.
+    """
+
+    mesh: trimesh.Trimesh
+    collision: trimesh.Trimesh
+    T_world_object: np.ndarray
 
 
 def placed_row(name: str, category: str, status: str, T_world_object: np.ndarray) -> dict[str, Any]:
@@ -42,3 +58,8 @@ def T_world_object(row: Mapping[Any, Any]) -> np.ndarray:
     T[:3, :3] = Rotation.from_quat([row["qw"], row["qx"], row["qy"], row["qz"]], scalar_first=True).as_matrix()
     T[:3, 3] = row["x"], row["y"], row["z"]
     return T
+
+
+def load_resting(meshes: Path, collisions: Path, row: Mapping[Any, Any]) -> Resting:
+    """The object of a line of the table, from the folders of its meshes (store.py)."""
+    return Resting(load_object(meshes, row["id"]), load_object(collisions, row["id"]), T_world_object(row))

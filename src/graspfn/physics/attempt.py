@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from graspfn.params import LOOK_MS, Attempt
-from graspfn.physics.world import Diverged, GraspWorld
+from graspfn.meshes.placed import Resting
+from graspfn.params import LOOK_MS
+from graspfn.physics.world import Diverged, GraspWorld, Rig, State
 
 
 class Outcome(enum.StrEnum):
@@ -17,10 +20,10 @@ class Outcome(enum.StrEnum):
 
     HELD = "held"
     COLLIDED = "collided"  # the open gripper starts inside the object
-    UNTOUCHED = "untouched"  # the whole closing goes clear of the resting object: nothing need be simulated
+    UNTOUCHED = "untouched"  # closing and rising go clear of the resting object: nothing need be simulated
     MISSED = "missed"  # the fingers met each other, not the object
     LEFT = "left"  # the object stayed on, or fell back towards, the table
-    DIVERGED = "diverged"  # the simulation ran away: counted apart, and as no success
+    DIVERGED = "diverged"  # the simulation ran away, at half the step as well: counted apart, and as no success
 
 
 @dataclass(frozen=True)
@@ -29,80 +32,105 @@ class Frame:
 
     time_s: float
     hand_z: float  # rise of the hand, metres
-    finger_angles: tuple[float, float]
+    fingers: tuple[float, float]  # positions of their joints
     T_world_object: np.ndarray  # (4, 4)
 
 
-Watcher = Callable[[Frame], None]
+@dataclass(frozen=True, eq=False)
+class Result:
+    """The end of an attempt.
 
-# Early stops, in simulated time. Each waits until nothing can change any more: they save time, not outcomes.
+    early: stopped before its time, since nothing could change any more; retried: ran away once, and this is the end at
+    half the step; frames: every 10 ms, where they were asked for.
+    """
+
+    outcome: Outcome
+    early: bool = False
+    retried: bool = False
+    frames: tuple[Frame, ...] = ()
+
+    @property
+    def held(self) -> bool:
+        return self.outcome is Outcome.HELD
+
+
+# Early stops. Each waits until nothing can change any more: they save time, not outcomes (docs/physics.md).
 CHECK_S = LOOK_MS / 1e3  # states are looked at this often
-STILL_S = 0.050  # fingers and object still for so long: the rest of the closing changes nothing
-LOST_S = 0.060  # no touch for so long while the hand rises: the hand has left 6 mm behind
-RIGID_S = 0.120  # object and hand moved as one for so long, off the table: nothing pulls them apart later
+LOST_S = 0.050  # no touch for so long while the hand rises
+WATCH, HALF = 5, 4  # every 5th look, how the object moves in the hand is compared over twice 4 of these
+GRIP_M = 0.1e-3  # it stays there if it will move no farther than this until the top
+LEVER_M = 0.1  # from its centre of mass to where turning counts, about as far as an object reaches
+CLOSED = 1e-4  # of a joint's range short of its stop
 CLEAR_M = 5e-3  # an object is off the table from here: landing bodies bounce by less
+RISE_M = 0.010  # steps by which the hand is tried on its way up: fingers are thicker than they widen over one
 FAR_M = 5.0  # out of the hand's reach
-STILL_M_S, STILL_RAD_S = 2e-3, 4e-2
 
 
 class Grasper:
-    """Runs attempts on one resting object.
+    """Runs attempts on one resting object, each from the same state."""
 
-    T_world_object: (4, 4) resting pose; every attempt starts from it.
-    """
-
-    def __init__(self, world: GraspWorld, T_world_object: np.ndarray, attempt: Attempt):
-        self.world, self.attempt, self.T_rest = world, attempt, T_world_object
-        self._every = max(1, round(CHECK_S / world.time_step))
+    def __init__(self, resting: Resting, rig: Rig):
+        self.resting, self.rig, self.attempt = resting, rig, rig.attempt
+        self.world = GraspWorld(resting, rig.physics, rig.gripper)
+        self._every = max(1, round(CHECK_S / self.world.time_step))
         self._free = self._free_closing()
 
-    def run(self, q: np.ndarray, watch: Watcher | None = None, whole: bool = False) -> Outcome:
+    def run(self, q: np.ndarray, whole: bool | None = None, film: bool = False) -> Result:
         """Attempt a grasp at pose q = (u, v, theta), metres and radians.
 
-        `watch` sees the state every 10 ms; `whole` runs every step, without early stops.
+        `whole` runs every step, without early stops, as `physics.reference` asks by default; `film` keeps the frames.
         """
+        whole = self.rig.physics.reference if whole is None else whole
+        try:
+            return self._run(q, whole, film)
+        except Diverged:
+            pass
+        try:
+            return replace(self._at_half_the_step._run(q, whole, film), retried=True)
+        except Diverged:
+            return Result(Outcome.DIVERGED, retried=True)
+
+    @cached_property
+    def _at_half_the_step(self) -> Grasper:
+        physics = replace(self.rig.physics, time_step_ms=self.rig.physics.time_step_ms / 2)
+        return Grasper(self.resting, replace(self.rig, physics=physics))
+
+    def _run(self, q: np.ndarray, whole: bool, film: bool) -> Result:
         world = self.world
-        world.place_object(self.T_rest)
+        world.place_object(self.resting.T_world_object)
         world.place_hand(q)
         if world.hand_touches_object() or world.hand_inside_object():
-            return Outcome.COLLIDED
-        self._clock, self._watch, self._whole = 0.0, watch, whole
+            return Result(Outcome.COLLIDED)
+        self._clock, self._whole = 0.0, whole
+        self._frames: list[Frame] | None = [] if film else None
         self._show()
-        if not whole and not self._approach():
-            return Outcome.UNTOUCHED
-        try:
-            if not self._close():
-                return Outcome.MISSED
-            return Outcome.HELD if self._lift() else Outcome.LEFT
-        except Diverged:
-            return Outcome.DIVERGED
+        if not whole and not self._approach() and self._passes_by():
+            return Result(Outcome.UNTOUCHED)
+        closing = self._close()
+        outcome, early = (Outcome.MISSED, True) if closing is False else self._lift()
+        return Result(outcome, early, frames=tuple(self._frames or ()))
 
-    def _free_closing(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Positions and velocities of the hand at every look at a closing that meets nothing."""
-        far = self.T_rest.copy()
-        far[0, 3] += FAR_M
-        self.world.place_object(far)
-        self.world.place_hand(np.zeros(3))
-        states = [(self.world.hand.getPositions(), self.world.hand.getVelocities())]
+    def _free_closing(self) -> list[State]:
+        """States at every look at a closing that meets nothing."""
+        self.world.place_object(self.resting.T_world_object)
+        self.world.place_hand(np.array([FAR_M, 0, 0]))
+        states = [self.world.state()]
         for _ in range(round(self.attempt.close_s / CHECK_S)):
-            for _ in range(self._every):
-                self.world.drive(0.0)
-            states.append((self.world.hand.getPositions(), self.world.hand.getVelocities()))
+            self.world.drive(0.0, self._every)
+            states.append(self.world.state())
         return states
 
     def _approach(self) -> bool:
-        """Put the fingers where they are just before they touch the object; False if they never do.
+        """Go to the state just before the closing fingers touch the object; False, shut, if they never do.
 
-        Until then the object rests and the fingers move as if it was not there, so nothing need be simulated. They
-        are thicker than they move between two looks, so that no part of the object can pass through unseen.
+        Until then hand and object move as if the other was not there, so nothing need be simulated. Fingers are
+        thicker than they move between two looks, so that no part of the object can pass through unseen.
         """
-        hand = self.world.hand
         before = self._free[0]
         for state in self._free[1:]:
-            hand.setPositions(state[0])
+            self.world.restore(state)
             if self.world.hand_touches_object():
-                hand.setPositions(before[0])
-                hand.setVelocities(before[1])
+                self.world.restore(before)
                 return True
             before = state
             self._clock += CHECK_S
@@ -111,52 +139,75 @@ class Grasper:
 
     def _advance(self, rise: float) -> None:
         """Run until the next look at the state."""
-        for _ in range(self._every):
-            self.world.drive(rise)
-        self._clock += self._every * self.world.time_step
+        self.world.drive(rise, self._every)
+        self._clock += CHECK_S
         self._show()
 
     def _show(self) -> None:
-        if self._watch is not None:
+        if self._frames is not None:
             z, left, right = self.world.hand.getPositions()
-            self._watch(Frame(self._clock, float(z), (float(left), float(right)), self.world.object_pose()))
+            self._frames.append(Frame(self._clock, float(z), (float(left), float(right)), self.world.object_pose()))
 
-    def _still(self) -> bool:
-        """Whether object and fingers move at no more than the speeds that count as still, seen from the hand."""
-        hand = self.world.hand.getVelocities()
-        linear, angular = self.world.object_velocity()
-        linear = linear - [0, 0, hand[0]]
-        return bool(
-            np.abs(linear).max() < STILL_M_S
-            and np.abs(angular).max() < STILL_RAD_S
-            and np.abs(hand[1:]).max() < STILL_RAD_S
-        )
+    def _passes_by(self) -> bool:
+        """Whether the hand, as it is, would rise to the top without touching the object, as that is."""
+        state = self.world.state()
+        z = state[0][0]
+        try:
+            while z < self.attempt.lift_mm / 1e3:
+                if self.world.hand_touches_object():
+                    return False
+                z += RISE_M
+                self.world.hand.setPosition(0, z)
+            return True
+        finally:
+            self.world.restore(state)
 
     def _close(self) -> bool:
-        """Close the fingers; False if they met each other without meeting the object."""
-        still = 0.0
+        """Close the fingers; False if they met each other and can no longer meet the object."""
+        kinematics = self.world.kinematics
+        shut = kinematics.closed - CLOSED * (kinematics.closed - kinematics.open)
         for _ in range(round((self.attempt.close_s - self._clock) / CHECK_S)):
             self._advance(0.0)
-            closed = self.world.hand.getPositions()[1:] >= self.world.kinematics.closed_angle - 1e-4
-            if closed.all() and not self._whole:
-                return self.world.hand_touches_object()
-            still = still + CHECK_S if self._still() else 0.0
-            if still >= STILL_S and not self._whole:
-                break
+            if not self._whole and (self.world.hand.getPositions()[1:] > shut).all() and self._passes_by():
+                return False
         return True
 
-    def _lift(self) -> bool:
-        """Raise the hand; whether the object is off the table and in the gripper at the top."""
+    def _lift(self) -> tuple[Outcome, bool]:
+        """Raise the hand: held, if the object is off the table and in the gripper at the top; and whether early."""
         speed = self.attempt.lift_speed_mms / 1e3
-        lost = rigid = 0.0
-        for _ in range(round(self.attempt.lift_mm / 1e3 / speed / CHECK_S)):
+        looks = round(self.attempt.lift_mm / 1e3 / speed / CHECK_S)
+        grips: deque[np.ndarray] = deque(maxlen=2 * HALF + 1)
+        lost = 0.0
+        for left in reversed(range(looks)):
             self._advance(speed)
-            if self._whole:
+            if self._whole or not left:
                 continue
-            lost = 0.0 if self.world.hand_touches_object() else lost + CHECK_S
-            if lost >= LOST_S:
-                return False
-            rigid = rigid + CHECK_S if self._still() else 0.0
-            if rigid >= RIGID_S and self.world.lowest_point() > CLEAR_M:
-                return True
-        return self.world.lowest_point() > CLEAR_M and self.world.hand_touches_object()
+            lost = 0.0 if self.world.touched() else lost + CHECK_S
+            if lost >= LOST_S and self._passes_by():
+                return Outcome.LEFT, True
+            if left % WATCH == 0:
+                grips.append(self._grip())
+                if len(grips) > 2 * HALF and _yet_to_move(grips, left) < GRIP_M and self._off_the_table():
+                    return Outcome.HELD, True
+        held = self._off_the_table() and self.world.hand_touches_object()
+        return Outcome.HELD if held else Outcome.LEFT, False
+
+    def _off_the_table(self) -> bool:
+        return self.world.lowest_point() > CLEAR_M
+
+    def _grip(self) -> np.ndarray:
+        """(4, 3) points of the object seen from the hand: its centre of mass and LEVER_M along its axes."""
+        T = self.world.object_pose()
+        centre = T[:3, 3] - [0, 0, self.world.hand.getPosition(0)]
+        return np.vstack([centre, centre + LEVER_M * T[:3, :3].T])
+
+
+def _yet_to_move(grips: Sequence[np.ndarray], left: int) -> float:
+    """How far a grip will move in the looks that are left, if it goes on slowing down as it does, metres.
+
+    What creeps is mostly DART's correction of penetrations, which dies away exponentially.
+    """
+    before, now = (float(np.abs(grips[i + HALF] - grips[i]).max()) for i in (0, HALF))
+    ratio = max(now / before, 0.5) if now < before else 1.0  # not trusted to stop at once
+    terms = left / (WATCH * HALF)
+    return now * (terms if ratio == 1.0 else ratio * (1 - ratio**terms) / (1 - ratio))

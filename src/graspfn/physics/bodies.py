@@ -11,12 +11,10 @@ import trimesh
 from scipy.spatial import ConvexHull
 
 from graspfn.meshes.mass import mass_properties
-from graspfn.params import Gripper
 from graspfn.physics.gripper import Kinematics
 
 SOLE_POINTS = 60  # a hull with more vertices is thinned out, to so many or as many more as SOLE_M takes
 SOLE_M = 1e-3  # by which thinning may lower an object on the table
-POINT_M = 1e-4  # radius of a point: DART has none without one
 TINY = 1e-6  # share of the mass that DART wants of the sole, which is only a surface
 
 
@@ -56,43 +54,42 @@ def sole(mesh: trimesh.Trimesh) -> np.ndarray:
 def free_object(
     mesh: trimesh.Trimesh, collision: trimesh.Trimesh | None, points: np.ndarray, density: float
 ) -> dart.dynamics.Skeleton:
-    """A free body with the mass of `mesh` that meets the gripper with `collision`, and glued to it one of `points`.
+    """A free body with the mass of `mesh` that meets the gripper with `collision`; glued to it the hull of `points`.
 
-    points: (n, 3) of `sole`, which meet the table; a mesh would meet it with a hundred doubled contacts on a flat face,
-    and steps of milliseconds. DART reads meshes through URDF alone, so one is written for the loader.
+    points: (n, 3) of `sole`, whose hull alone meets the table. Against a half-space a mesh has one contact at each
+    vertex below it; against a box it would have a hundred doubled ones on a flat face, and steps of milliseconds.
+    DART reads meshes through URDF alone, so one is written for the loader.
     """
-    touch = '<collision><geometry><mesh filename="object.obj"/></geometry></collision>' if collision else ""
     mass, inertia = mass_properties(mesh, density)
-    (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia.tolist()
-    urdf = f"""<robot name="object"><link name="object">
-        <inertial><mass value="{mass}"/>
-        <inertia ixx="{xx}" ixy="{xy}" ixz="{xz}" iyy="{yy}" iyz="{yz}" izz="{zz}"/></inertial>
-        {touch}
-    </link></robot>"""
+    hull = trimesh.Trimesh(points, process=False).convex_hull
     with tempfile.TemporaryDirectory(prefix="graspfn-") as folder:
-        if collision:
-            collision.export(Path(folder) / "object.obj")
+        links = [
+            _link(Path(folder), "object", mass, inertia, collision),
+            _link(Path(folder), "sole", mass * TINY, np.diag(np.diag(inertia)) * TINY, hull),
+        ]
+        glue = '<joint name="glue" type="fixed"><parent link="object"/><child link="sole"/></joint>'
         path = Path(folder) / "object.urdf"
-        path.write_text(urdf)
+        path.write_text(f'<robot name="object">{"".join(links)}{glue}</robot>')
         skeleton = dart.utils.DartLoader().parseSkeleton(str(path))
     if skeleton is None:
         raise ValueError("DART could not load the mesh")
-    _, glued = skeleton.createWeldJointAndBodyNodePair(skeleton.getBodyNode(0))
-    inertia = dart.dynamics.Inertia()
-    inertia.setMass(mass * TINY)
-    inertia.setMoment(np.diag([xx, yy, zz]) * TINY)
-    glued.setInertia(inertia)
-    ball = dart.dynamics.SphereShape(POINT_M)
-    for vertex in points:
-        shape = glued.createShapeNode(ball)
-        shape.createCollisionAspect()
-        shape.createDynamicsAspect()
-        shape.setRelativeTranslation(vertex * (1 - POINT_M / np.linalg.norm(vertex)))
     return skeleton
 
 
-def hand(k: Kinematics, gripper: Gripper) -> dart.dynamics.Skeleton:
-    """Palm on a kinematic vertical slide, fingers on torque-driven revolute joints."""
+def _link(folder: Path, name: str, mass: float, inertia: np.ndarray, touched: trimesh.Trimesh | None) -> str:
+    """A link of a URDF; its mesh goes into a file beside it."""
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia.tolist()
+    collision = ""
+    if touched:
+        # With a normal at each vertex: the loader would make its own per face, and split the vertices for it.
+        touched.export(folder / f"{name}.obj", include_normals=True)
+        collision = f'<collision><geometry><mesh filename="{name}.obj"/></geometry></collision>'
+    return f"""<link name="{name}"><inertial><mass value="{mass}"/>
+        <inertia ixx="{xx}" ixy="{xy}" ixz="{xz}" iyy="{yy}" iyz="{yz}" izz="{zz}"/></inertial>{collision}</link>"""
+
+
+def hand(k: Kinematics) -> dart.dynamics.Skeleton:
+    """Palm on a kinematic vertical slide, fingers on joints driven by a torque or force."""
     hand = dart.dynamics.Skeleton("hand")
     slide, palm = hand.createPrismaticJointAndBodyNodePair()
     slide.setAxis([0, 0, 1])
@@ -100,17 +97,23 @@ def hand(k: Kinematics, gripper: Gripper) -> dart.dynamics.Skeleton:
     (T_palm, palm_size), *fingers = k.parts((0.0, 0.0))
     _add_box(palm, palm_size, T_palm[:3, 3], mass=1.0)
     for side, (_, size) in zip((-1, 1), fingers, strict=True):
-        joint, finger = hand.createRevoluteJointAndBodyNodePair(palm)
-        joint.setAxis([0, side, 0])
-        joint.setTransformFromParentBodyNode(_isometry([side * k.knuckle_x, 0, k.knuckle_z]))
+        centre = [0, 0, -k.length / 2]
+        if k.turns:
+            joint, finger = hand.createRevoluteJointAndBodyNodePair(palm)
+            joint.setAxis([0, side, 0])
+            _add_box(finger, size, centre, mass=1.0, about_y=k.inertia)
+        else:
+            joint, finger = hand.createPrismaticJointAndBodyNodePair(palm)
+            joint.setAxis([-side, 0, 0])
+            _add_box(finger, size, centre, mass=k.inertia)
+        joint.setTransformFromParentBodyNode(_isometry(k.finger(side, 0.0)[:3, 3]))
         joint.setActuatorType(dart.dynamics.ActuatorType.FORCE)
-        # Two fingers under equal torques are in balance wherever they stand: without the friction of their drives the
+        # Two fingers under equal efforts are in balance wherever they stand: without the friction of their drives the
         # pair drifts sideways with the object.
-        joint.setCoulombFriction(0, gripper.gear_friction_nm)
-        joint.setPositionLowerLimit(0, k.open_angle - 1e-3)
-        joint.setPositionUpperLimit(0, k.closed_angle)
+        joint.setCoulombFriction(0, k.friction)
+        joint.setPositionLowerLimit(0, k.open - 1e-3)
+        joint.setPositionUpperLimit(0, k.closed)
         joint.setLimitEnforcement(True)
-        _add_box(finger, size, [0, 0, -k.length / 2], mass=1.0, about_y=gripper.finger_inertia_kgm2)
         finger.setGravityMode(False)
     return hand
 
@@ -139,7 +142,7 @@ def _add_box(
     body.setInertia(inertia)
 
 
-def _isometry(translation: list[float]) -> dart.math.Isometry3:
+def _isometry(translation: np.ndarray) -> dart.math.Isometry3:
     T = dart.math.Isometry3()
     T.set_translation(translation)
     return T

@@ -1,84 +1,117 @@
-"""A parallel gripper: a hand moved kinematically, two fingers on revolute joints under constant torque (paper III-A).
+"""A hand moved kinematically and two fingers under constant torque or force (paper III-A): where its parts are.
 
 Hand frame: x closes the jaws, z points up, the origin lies on the table below the hand's axis (the frame of
-`geometry.transforms.T_world_grasp`). A finger angle is 0 when the finger hangs straight down and grows as it closes.
+`geometry.transforms.T_world_grasp`). Sides are -1 (left) and 1 (right). The position of a finger's joint, radians or
+metres, grows as the finger closes.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
 
 import numpy as np
 
-from graspfn.params import Gripper, ParameterError
+from graspfn.geometry.transforms import translation
+from graspfn.params import Gripper, ParameterError, PrismaticGripper, RevoluteGripper
 
 
-@dataclass(frozen=True)
-class Kinematics:
-    """Angles and heights that follow from the gripper's dimensions; metres and radians."""
+class Kinematics(ABC):
+    """What the world needs to know of a gripper, whatever joints its fingers have. SI units."""
 
-    knuckle_x: float  # of each joint from the hand's axis
-    length: float
-    width: float
-    thickness: float
-    open_angle: float  # fingertips `opening` apart
-    closed_angle: float  # fingertips meet
-    knuckle_z: float  # joints above the table when the fingertips' lowest point is `clearance` above it
-    palm_size: np.ndarray  # (3,)
+    turns: bool  # whether joint positions are angles
+    open: float  # position of the joints with the fingertips `opening_mm` apart
+    closed: float  # and where the fingertips meet
+    height: float  # of joints and palm's underside, so that the fingertips' lowest point is `clearance_mm` high
+    effort: float  # closing torque or force on each finger
+    friction: float  # of each drive, in the unit of the effort
+    drag: float  # per speed of a joint: leaves nothing of the effort at the closing speed
+    inertia: float  # of finger and drive: a moment or a mass
 
-    @classmethod
-    def from_params(cls, gripper: Gripper) -> Kinematics:
-        """Solve the hand's height so that the lowest point of the whole closing is `clearance_mm` above the table."""
-        x, length, thickness = (
-            gripper.knuckle_mm / 2e3,
-            gripper.finger_length_mm / 1e3,
-            gripper.finger_thickness_mm / 1e3,
-        )
-        open_angle = _angle_of_tip(x, length, thickness, gripper.opening_mm / 2e3)
-        closed_angle = _angle_of_tip(x, length, thickness, 0.0)
-        sweep = np.linspace(open_angle, closed_angle, 2001)
-        deepest = np.max(length * np.cos(sweep) + thickness / 2 * np.abs(np.sin(sweep)))
-        palm = np.array(
-            [gripper.knuckle_mm + 2 * gripper.finger_thickness_mm, gripper.palm_width_mm, gripper.palm_height_mm]
-        )
-        return cls(
-            knuckle_x=x,
-            length=length,
-            width=gripper.finger_width_mm / 1e3,
-            thickness=thickness,
-            open_angle=open_angle,
-            closed_angle=closed_angle,
-            knuckle_z=float(deepest) + gripper.clearance_mm / 1e3,
-            palm_size=palm / 1e3,
-        )
+    def __init__(self, gripper: Gripper):
+        self.length = gripper.finger_length_mm / 1e3
+        self.width = gripper.finger_width_mm / 1e3
+        self.thickness = gripper.finger_thickness_mm / 1e3
+        self.palm_size = np.array([gripper.palm_length_mm, gripper.palm_width_mm, gripper.palm_height_mm]) / 1e3
 
+    @staticmethod
+    def from_params(gripper: Gripper) -> Kinematics:
+        """The kinematics of the gripper's joints; ParameterError where its dimensions allow none."""
+        if isinstance(gripper, PrismaticGripper):
+            return Prismatic(gripper)
+        assert isinstance(gripper, RevoluteGripper)
+        return Revolute(gripper)
+
+    @abstractmethod
+    def finger(self, side: int, position: float) -> np.ndarray:
+        """T_hand_finger (4, 4): origin in the joint, the finger hanging along -z."""
+
+    @abstractmethod
     def reach(self) -> float:
         """Farthest point of the open fingers from the hand's axis along the closing direction, metres."""
-        a = self.open_angle
-        tip = self.knuckle_x - self.length * np.sin(a) + self.thickness / 2 * np.cos(a)
-        return float(max(tip, self.knuckle_x + self.thickness / 2))
 
-    def parts(self, angles: tuple[float, float]) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Boxes of palm, left and right finger as (T_hand_box (4, 4), size (3,)) at the finger angles (left, right)."""
-        palm = np.eye(4)
-        palm[2, 3] = self.knuckle_z + self.palm_size[2] / 2
-        boxes = [(palm, self.palm_size)]
-        for side, angle in zip((-1, 1), angles, strict=True):
-            c, s = np.cos(side * angle), np.sin(side * angle)
-            T = np.eye(4)
-            T[:3, :3] = [[c, 0, s], [0, 1, 0], [-s, 0, c]]
-            T[:3, 3] = [side * self.knuckle_x, 0, self.knuckle_z] + T[:3, :3] @ [0, 0, -self.length / 2]
-            boxes.append((T, np.array([self.thickness, self.width, self.length])))
+    def parts(self, positions: tuple[float, float]) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Boxes of palm, left and right finger as (T_hand_box (4, 4), size (3,)) at joint positions (left, right)."""
+        size = np.array([self.thickness, self.width, self.length])
+        boxes = [(translation(0, 0, self.height + self.palm_size[2] / 2), self.palm_size)]
+        for side, position in zip((-1, 1), positions, strict=True):
+            boxes.append((self.finger(side, position) @ translation(0, 0, -self.length / 2), size))
         return boxes
 
 
-def _angle_of_tip(knuckle_x: float, length: float, thickness: float, tip_x: float) -> float:
-    """Finger angle at which the inner edge of the fingertip is `tip_x` from the hand's axis.
+class Revolute(Kinematics):
+    """Fingers that turn about their joints; they hang straight down at position 0."""
 
-    Solves knuckle_x - thickness/2 cos(a) - length sin(a) = tip_x.
-    """
-    amplitude = np.hypot(length, thickness / 2)
-    ratio = (knuckle_x - tip_x) / amplitude
-    if abs(ratio) > 1:
-        raise ParameterError("gripper.finger_length_mm: too short a finger for opening_mm and knuckle_mm")
-    return float(np.arcsin(ratio) - np.arctan2(thickness / 2, length))
+    turns = True
+
+    def __init__(self, gripper: RevoluteGripper):
+        super().__init__(gripper)
+        self.joint_x = gripper.knuckle_mm / 2e3
+        self.open = self._angle_of_tip(gripper.opening_mm / 2e3)
+        self.closed = self._angle_of_tip(0.0)
+        sweep = np.linspace(self.open, self.closed, 2001)
+        deepest = np.max(self.length * np.cos(sweep) + self.thickness / 2 * np.abs(np.sin(sweep)))
+        self.height = float(deepest) + gripper.clearance_mm / 1e3
+        self.effort, self.friction = gripper.torque_nm, gripper.gear_friction_nm
+        self.drag = (self.effort - self.friction) / gripper.closing_speed_rads
+        self.inertia = gripper.finger_inertia_kgm2
+
+    def _angle_of_tip(self, tip_x: float) -> float:
+        """Angle at which the inner edge of the fingertip is `tip_x` from the hand's axis.
+
+        Solves joint_x - thickness/2 cos(a) - length sin(a) = tip_x.
+        """
+        amplitude = np.hypot(self.length, self.thickness / 2)
+        ratio = (self.joint_x - tip_x) / amplitude
+        if abs(ratio) > 1:
+            raise ParameterError("gripper.finger_length_mm: too short a finger for opening_mm and knuckle_mm")
+        return float(np.arcsin(ratio) - np.arctan2(self.thickness / 2, self.length))
+
+    def finger(self, side: int, position: float) -> np.ndarray:
+        c, s = np.cos(side * position), np.sin(side * position)
+        T = translation(side * self.joint_x, 0, self.height)
+        T[:3, :3] = [[c, 0, s], [0, 1, 0], [-s, 0, c]]
+        return T
+
+    def reach(self) -> float:
+        tip = self.joint_x - self.length * np.sin(self.open) + self.thickness / 2 * np.cos(self.open)
+        return float(max(tip, self.joint_x + self.thickness / 2))
+
+
+class Prismatic(Kinematics):
+    """Fingers that slide along the closing direction, their pads always parallel: open at position 0."""
+
+    turns = False
+
+    def __init__(self, gripper: PrismaticGripper):
+        super().__init__(gripper)
+        self.open, self.closed = 0.0, gripper.opening_mm / 2e3
+        self.height = self.length + gripper.clearance_mm / 1e3
+        self.effort, self.friction = gripper.force_n, gripper.drive_friction_n
+        self.drag = (self.effort - self.friction) / (gripper.closing_speed_mms / 1e3)
+        self.inertia = gripper.finger_mass_kg
+
+    def finger(self, side: int, position: float) -> np.ndarray:
+        return translation(side * (self.closed - position + self.thickness / 2), 0, self.height)
+
+    def reach(self) -> float:
+        return self.closed + self.thickness

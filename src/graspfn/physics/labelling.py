@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import functools
 import gc
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 
 from graspfn.geometry import grid
-from graspfn.geometry.transforms import apply
-from graspfn.params import Attempt, Gripper, Physics
-from graspfn.physics.attempt import Grasper, Outcome
+from graspfn.meshes.placed import Resting
+from graspfn.physics.attempt import Grasper, Outcome, Result
 from graspfn.physics.culling import touches_nothing
-from graspfn.physics.world import GraspWorld
+from graspfn.physics.world import Rig
 
-CULLED = "culled"
 ALL = slice(None)
+OUTCOMES = tuple(outcome.value for outcome in Outcome)
+# How the simulated attempts ended: these four add up to the outcomes missed, left, held and diverged.
+ENDS = ("stopped_failed", "stopped_held", "ran_to_end", "ran_away")
+RETRIED = "retried"  # ran away at first, and were run again with half the step
 
 
 @dataclass(frozen=True)
@@ -27,44 +27,49 @@ class Labels:
     """The grasp function of one object, counted.
 
     successes: (33, 44, 6) uint8, attempts that held at each pose.
-    account: how each of the 8712 x attempts ended, by name; `culled` ones provably touch nothing and were not
-    simulated, nor were `collided` ones, which start inside the object.
+    account: of the 8712 x attempts, how many had each of OUTCOMES, which add up to all; how many of those that were
+    simulated had each of ENDS; and how many were RETRIED.
     """
 
     successes: np.ndarray
     account: dict[str, int]
 
+    @property
+    def simulated(self) -> int:
+        """Attempts that were neither culled nor started inside the object."""
+        return sum(self.account[end] for end in ENDS)
 
-def label_object(
-    mesh: trimesh.Trimesh,
-    collision: trimesh.Trimesh,
-    T_world_object: np.ndarray,
-    attempts: int,
-    physics: Physics,
-    gripper: Gripper,
-    attempt: Attempt,
-    rng: np.random.Generator,
-    angles: slice = ALL,
-) -> Labels:
-    """Attempt `attempts` grasps in the cell of every pose of Q; meshes in metres, resting at T_world_object (4, 4).
+
+def label_object(resting: Resting, attempts: int, rig: Rig, rng: np.random.Generator, angles: slice = ALL) -> Labels:
+    """Attempt `attempts` grasps in the cell of every pose of Q.
 
     `angles` picks some of Q's angles: labels of an object may be made in parts, which `joined` puts together.
     """
     _freeze_imports()
-    world = GraspWorld(mesh, collision, physics, gripper)
-    grasper = Grasper(world, T_world_object, attempt)
+    grasper = Grasper(resting, rig)
     draws = grid.sample_cells(attempts, rng)[:, :, angles]
     q = draws.reshape(-1, 3)
-    culled = touches_nothing(apply(T_world_object, mesh.vertices)[:, :2], q, world.kinematics)
+    culled = touches_nothing(resting, q, grasper.world.kinematics) & (not rig.physics.reference)
     held = np.zeros(len(q), dtype=bool)
-    outcomes = [outcome for outcome in Outcome if outcome is not Outcome.UNTOUCHED]
-    account = Counter({CULLED: int(culled.sum())} | {outcome.value: 0 for outcome in outcomes})
+    account = dict.fromkeys((*OUTCOMES, *ENDS, RETRIED), 0)
+    account[Outcome.UNTOUCHED] += int(culled.sum())
     for i in np.flatnonzero(~culled):
-        outcome = grasper.run(q[i])
-        held[i] = outcome is Outcome.HELD
-        account[CULLED if outcome is Outcome.UNTOUCHED else outcome.value] += 1
+        result = grasper.run(q[i])
+        held[i] = result.held
+        account[result.outcome.value] += 1
+        for entry in end(result):
+            account[entry] += 1
     successes = held.reshape(draws.shape[:-1]).sum(axis=-1).astype(np.uint8)
-    return Labels(successes, dict(account))
+    return Labels(successes, account)
+
+
+def end(result: Result) -> list[str]:
+    """The entries of the account, besides its outcome, that an attempt counts in."""
+    if result.outcome in (Outcome.UNTOUCHED, Outcome.COLLIDED):
+        return []
+    stopped = "stopped_held" if result.held else "stopped_failed"
+    ended = "ran_away" if result.outcome is Outcome.DIVERGED else stopped if result.early else "ran_to_end"
+    return [ended, RETRIED] if result.retried else [ended]
 
 
 @functools.cache
@@ -76,6 +81,5 @@ def _freeze_imports() -> None:
 
 def joined(parts: Sequence[Labels]) -> Labels:
     """The labels of an object from those of its angles, in order."""
-    account = sum((Counter(part.account) for part in parts), Counter(dict.fromkeys(parts[0].account, 0)))
-    names = parts[0].account
-    return Labels(np.concatenate([part.successes for part in parts], axis=2), {name: account[name] for name in names})
+    account = {entry: sum(part.account[entry] for part in parts) for entry in parts[0].account}
+    return Labels(np.concatenate([part.successes for part in parts], axis=2), account)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import dartpy as dart
 import numpy as np
 import trimesh
 
 from graspfn.geometry.transforms import T_world_grasp, apply
 from graspfn.meshes.mass import solid
-from graspfn.params import Gripper, Physics
+from graspfn.meshes.placed import Resting
+from graspfn.params import Attempt, Gripper, Physics
 from graspfn.physics import bodies
 from graspfn.physics.gripper import Kinematics
 
@@ -18,11 +21,21 @@ DETECTORS = {
     "bullet": dart.collision.BulletCollisionDetector,
     "dart": dart.collision.DARTCollisionDetector,
 }
-RUNAWAY = 100.0  # m/s and rad/s: faster than any grasp can throw an object
+State = tuple[np.ndarray, ...]
+RUNAWAY_M_S = 10.0  # an object has no more than the energy of this speed and the work of the fingers
 
 
 class Diverged(RuntimeError):
-    """The state has run away: not finite, or faster than any grasp can throw an object."""
+    """The state has run away: not finite, or of more energy than anything could have given the object."""
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What grasps are made with: the parameters of the world, the gripper and the course of an attempt."""
+
+    physics: Physics
+    gripper: Gripper
+    attempt: Attempt
 
 
 class TableWorld:
@@ -51,6 +64,7 @@ class TableWorld:
         self.table = bodies.table()
         self._closed = solid(mesh) is mesh
         self._body, self._sole = self.object.getBodyNodes()
+        self.max_energy = self.object.getMass() * RUNAWAY_M_S**2 / 2
         for skeleton in (self.table, self.object):
             self._add(skeleton)
         # The mesh meets the gripper alone, the sole the table alone.
@@ -85,27 +99,27 @@ class TableWorld:
 
     def step(self) -> None:
         """One time step. Raises Diverged instead of stepping a state that has run away."""
-        velocity = self.object.getVelocities()
         # ODE aborts the whole process on such a state, so it never gets to see one. NaN fails the test too.
-        if not velocity @ velocity < RUNAWAY**2:
-            raise Diverged(f"object faster than {RUNAWAY:g} m/s or rad/s")
+        if not self.object.computeKineticEnergy() < self.max_energy:
+            raise Diverged(f"object of more than {self.max_energy:.2g} J")
         self.world.step()
 
 
 class GraspWorld(TableWorld):
-    """One object on a table under a gripper; collision: the mesh that the gripper meets (selection/collision.py)."""
+    """One object on a table under a gripper."""
 
-    def __init__(self, mesh: trimesh.Trimesh, collision: trimesh.Trimesh, physics: Physics, gripper: Gripper):
-        super().__init__(mesh, physics, collision)
+    def __init__(self, resting: Resting, physics: Physics, gripper: Gripper):
+        super().__init__(resting.mesh, physics, resting.collision)
         self.kinematics = Kinematics.from_params(gripper)
-        self.torque = gripper.torque_nm
-        self.drag = (gripper.torque_nm - gripper.gear_friction_nm) / gripper.closing_speed_rads
-        self.hand = bodies.hand(self.kinematics, gripper)
+        self.effort, self.drag = self.kinematics.effort, self.kinematics.drag
+        self.max_energy += 2 * self.effort * (self.kinematics.closed - self.kinematics.open)
+        self.hand = bodies.hand(self.kinematics)
         self._add(self.hand)
-        for body in self.hand.getBodyNodes():
+        self._hand_bodies = self.hand.getBodyNodes()
+        for body in self._hand_bodies:
             self._filter.addBodyNodePairToBlackList(self._sole, body)
             self._filter.addBodyNodePairToBlackList(self.table.getBodyNode(0), body)
-        self._hand_group = self._group(self.hand.getBodyNodes())
+        self._hand_group = self._group(self._hand_bodies)
         self._object_group = self._group([self._body])
 
     def _group(self, group_bodies: list[dart.dynamics.BodyNode]) -> dart.collision.CollisionGroup:
@@ -117,8 +131,17 @@ class GraspWorld(TableWorld):
     def place_hand(self, q: np.ndarray) -> None:
         """Put the hand, fingers open and at rest, at pose q = (u, v, theta)."""
         self.hand.getJoint(0).setTransformFromParentBodyNode(dart.math.Isometry3(T_world_grasp(q)))
-        self.hand.setPositions([0.0, self.kinematics.open_angle, self.kinematics.open_angle])
+        self.hand.setPositions([0.0, self.kinematics.open, self.kinematics.open])
         self.hand.setVelocities(np.zeros(3))
+
+    def state(self) -> State:
+        """Positions and velocities of hand and object, to be restored bit by bit."""
+        return tuple(read() for body in (self.hand, self.object) for read in (body.getPositions, body.getVelocities))
+
+    def restore(self, state: State) -> None:
+        for body, positions, velocities in ((self.hand, *state[:2]), (self.object, *state[2:])):
+            body.setPositions(positions)
+            body.setVelocities(velocities)
 
     def hand_touches_object(self) -> bool:
         """Whether palm or fingers meet the object's surface in the present state."""
@@ -132,10 +155,18 @@ class GraspWorld(TableWorld):
         centres = np.array([shape.getWorldTransform().translation() for shape in shapes])
         return bool(self.mesh.contains(apply(np.linalg.inv(self.object_pose()), centres)).any())
 
-    def drive(self, rise: float) -> None:
-        """One time step with the torque on both fingers and the hand rising at `rise` (m/s)."""
-        # The drag that limits the closing speed is part of the command, not a joint damping: DART integrates damping
-        # implicitly but solves contacts without it, which would divide the grip force by 1 + drag * step / inertia.
-        _, left, right = self.hand.getVelocities()
-        self.hand.setCommands([rise, self.torque - self.drag * left, self.torque - self.drag * right])
-        self.step()
+    def drive(self, rise: float, steps: int = 1) -> None:
+        """Time steps with the effort on both fingers and the hand rising at `rise` (m/s)."""
+        hand, effort, drag, step = self.hand, self.effort, self.drag, self.step
+        for _ in range(steps):
+            # The drag that limits the closing speed is part of the command, not a joint damping: DART integrates
+            # damping implicitly but solves contacts without it, which would divide the grip force by
+            # 1 + drag * step / inertia.
+            _, left, right = hand.getVelocities().tolist()
+            hand.setCommands([rise, effort - drag * left, effort - drag * right])
+            step()
+
+    def touched(self) -> bool:
+        """Whether palm or fingers met the object in the last step; at less cost than `hand_touches_object`."""
+        result = self.world.getLastCollisionResult()
+        return any(result.inCollision(body) for body in self._hand_bodies)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 
 from graspfn.evaluation.trials import Bench, Planned, Sigma
 from graspfn.geometry.camera import Intrinsics
 from graspfn.imaging.noise import add_noise
-from graspfn.params import Attempt, Gripper, Noise, Physics
-from graspfn.physics.attempt import Frame, Outcome
+from graspfn.meshes.placed import Resting
+from graspfn.params import Noise
+from graspfn.physics.world import Rig
 from graspfn.robot.depth_holes import hole_mask
 from graspfn.robot.trial import Condition, TrialRecording
 from graspfn.workflow.seeds import generator
@@ -43,23 +43,18 @@ def see(depth: np.ndarray, noise: Noise, intrinsics: Intrinsics, rng: np.random.
 def record(
     scene: Scene,
     plans: list[tuple[Sigma, Planned]],
-    mesh: trimesh.Trimesh,
-    collision: trimesh.Trimesh,
-    T_world_object: np.ndarray,
-    physics: Physics,
-    gripper: Gripper,
-    attempt: Attempt,
+    resting: Resting,
+    rig: Rig,
     intrinsics: Intrinsics,
     seed: int,
 ) -> list[TrialRecording]:
     """Execute every plan on the scene. Plans of one uncertainty share the arm's error, so that methods are paired."""
-    bench = Bench(mesh, collision, T_world_object, physics, gripper, attempt)
+    bench = Bench(resting, rig)
     recordings = []
     for sigma, planned in plans:
         rng = generator(seed, "record_robot", scene.object, scene.placement, sigma.uv_mm, sigma.theta_deg)
         reached = sigma.reached(planned.q, rng)
-        frames: list[Frame] = []
-        outcome = bench.grasp(reached, scene.shift_uv, scene.theta, frames.append)
+        result = bench.grasp(reached, scene.shift_uv, scene.theta, film=True)
         recordings.append(
             TrialRecording(
                 condition=Condition(
@@ -76,9 +71,9 @@ def record(
                 commanded=planned.q,
                 achieved=reached,
                 joint_names=JOINTS,
-                joint_time_s=np.array([frame.time_s for frame in frames]),
-                joint_positions=np.array([(frame.hand_z, *frame.finger_angles) for frame in frames]).reshape(-1, 3),
-                success=outcome is Outcome.HELD,
+                joint_time_s=np.array([frame.time_s for frame in result.frames]),
+                joint_positions=np.array([(frame.hand_z, *frame.fingers) for frame in result.frames]).reshape(-1, 3),
+                success=result.held,
             )
         )
     return recordings

@@ -64,17 +64,21 @@ def map_objects(
     total: int,
     compute: Compute,
     label: str,
-    unit: str = "object",
     hold: Callable[[int], bool] = lambda workers: False,
+    parts: int = 1,
+    attempts: Callable[[Any], int] | None = None,
 ) -> Iterator[tuple[str, Any | Exception]]:
     """`function(*arguments)` of every (name, arguments) as each is done, in any order: (name, result or exception).
 
     Results may not depend on the worker or the order. A task that kills its worker three times gives an error.
-    `hold` says, of the number of workers, whether no further task may start yet.
+    `hold` says, of the number of workers, whether no further task may start yet. The progress bar counts objects, of
+    `parts` tasks each, and shows how many attempts a second there were where `attempts` tells them from a result.
     """
     if total == 0:
         return
-    with cluster(compute) as client, tqdm(total=total, desc=label, unit=unit, smoothing=0.1) as bar:
+    # A bar of whole objects counts them as they are; thirds of objects would show all their digits.
+    progress = tqdm(total=total / parts, desc=label, unit="object", smoothing=0.1, unit_scale=parts > 1)
+    with cluster(compute) as client, progress as bar:
         # Three tasks in flight per worker: enough to keep it busy, few enough that a long list costs no memory.
         waiting = iter(tasks)
         names: dict[Any, str] = {}
@@ -92,6 +96,7 @@ def map_objects(
                 names[future] = name
                 pending.add(future)
 
+        made = 0
         fill()
         for future in pending:
             name = names.pop(future)
@@ -101,7 +106,10 @@ def map_objects(
                 result = RuntimeError(f"{name}: killed its worker process {ATTEMPTS_PER_TASK} times")
             except Exception as error:
                 result = error
-            bar.update()
+            bar.update(1 / parts)
+            if attempts and not isinstance(result, Exception):
+                made += attempts(result)
+                bar.set_postfix_str(f"{made / max(bar.format_dict['elapsed'], 1e-9):.0f} attempts/s", refresh=False)
             yield name, result
             fill()
 
