@@ -86,9 +86,9 @@ def _mapping(cls: type, values: dict[str, Any], indent: str = "") -> Iterator[st
                 yield f"{indent}{leaf:<{width}}  # {_comment(typing.get_args(hints[name])[1])}"
             continue
         for name in names:
-            section = _section(hints[name])
+            section = _section(hints[name], values[name])
             yield from ["", f"# {(section.__doc__ or '').splitlines()[0]}", f"{name}:"]
-            if section is hints[name]:
+            if dataclasses.is_dataclass(hints[name]):
                 yield from _mapping(section, values[name], "  ")
             else:
                 for entry, inner in values[name].items():
@@ -96,9 +96,9 @@ def _mapping(cls: type, values: dict[str, Any], indent: str = "") -> Iterator[st
                     yield from _mapping(section_type(section, inner), inner, "    ")
 
 
-def _section(hint: Any) -> type:
-    """The dataclass of a section: `hint` itself, or V of dict[str, V]."""
-    return typing.cast(type, hint if dataclasses.is_dataclass(hint) else typing.get_args(hint)[1])
+def _section(hint: Any, values: dict[str, Any]) -> type:
+    """The dataclass of a section: what the values make of `hint`, or V of dict[str, V]."""
+    return section_type(hint, values) if isinstance(hint, type) else typing.get_args(hint)[1]
 
 
 def _leaf(name: str, value: Any) -> str:

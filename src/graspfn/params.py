@@ -88,21 +88,39 @@ class Noise:
 
 @dataclass(frozen=True)
 class Gripper:
-    """A kinematic hand and two fingers on revolute joints under constant torque (paper III-A)."""
+    """A hand moved kinematically and two fingers, each with a drive of its own; which joints they have is its kind."""
 
     name: Annotated[str, Key("name of the gripper, for reports")]
+    joints: Annotated[str, Key("joints of the fingers", one_of=("revolute", "prismatic"))]
     opening_mm: Annotated[float, Key("distance between the open fingertips, mm", above=0)]
-    knuckle_mm: Annotated[float, Key("distance between the two finger joints, mm", above=0)]
-    finger_length_mm: Annotated[float, Key("joint to fingertip, mm", above=0)]
+    finger_length_mm: Annotated[float, Key("underside of the palm to fingertip, mm", above=0)]
     finger_width_mm: Annotated[float, Key("finger size across the closing direction, mm", above=0)]
     finger_thickness_mm: Annotated[float, Key("finger size along the closing direction, mm", above=0)]
+    palm_length_mm: Annotated[float, Key("palm size along the closing direction, mm", above=0)]
     palm_width_mm: Annotated[float, Key("palm size across the closing direction, mm", above=0)]
-    palm_height_mm: Annotated[float, Key("palm size above the finger joints, mm", above=0)]
+    palm_height_mm: Annotated[float, Key("palm size above its underside, mm", above=0)]
     clearance_mm: Annotated[float, Key("fingertips above the table at their lowest, mm", above=0)]
+
+
+@dataclass(frozen=True)
+class RevoluteGripper(Gripper):
+    """A hand moved kinematically, two fingers on revolute joints under constant torque (paper III-A)."""
+
+    knuckle_mm: Annotated[float, Key("distance between the two finger joints, mm", above=0)]
     finger_inertia_kgm2: Annotated[float, Key("finger and geared drive about the finger joint, kg m^2", above=0)]
     torque_nm: Annotated[float, Key("constant closing torque on each finger, N m", above=0)]
     gear_friction_nm: Annotated[float, Key("Coulomb friction of each finger's drive, N m", at_least=0)]
     closing_speed_rads: Annotated[float, Key("finger speed at which drag balances the torque, rad/s", above=0)]
+
+
+@dataclass(frozen=True)
+class PrismaticGripper(Gripper):
+    """A hand moved kinematically, two fingers on prismatic joints under constant force: a parallel jaw."""
+
+    finger_mass_kg: Annotated[float, Key("finger and drive, as felt at the finger, kg", above=0)]
+    force_n: Annotated[float, Key("constant closing force on each finger, N", above=0)]
+    drive_friction_n: Annotated[float, Key("Coulomb friction of each finger's drive, N", at_least=0)]
+    closing_speed_mms: Annotated[float, Key("finger speed at which drag balances the force, mm/s", above=0)]
 
 
 @dataclass(frozen=True)
@@ -113,6 +131,7 @@ class Physics:
     detector: Annotated[str, Key("DART collision detector", one_of=("ode", "fcl", "bullet", "dart"))]
     friction: Annotated[float, Key("Coulomb coefficient of every contact", above=0)]
     density_kgm3: Annotated[float, Key("object density, kg/m^3", above=0)]
+    reference: Annotated[bool, Key("labels without culling or early stops, ten times slower: to check them")]
 
 
 @dataclass(frozen=True)
@@ -127,7 +146,7 @@ class Settle:
 class Attempt:
     """One grasp: close for a fixed time, rise at constant speed (paper III-A)."""
 
-    close_s: Annotated[float, Key("time under torque before the hand rises, s", above=0)]
+    close_s: Annotated[float, Key("time for the fingers to close before the hand rises, s", above=0)]
     lift_mm: Annotated[float, Key("rise of the hand, mm", above=0)]
     lift_speed_mms: Annotated[float, Key("speed of the rise, mm/s", above=0)]
 
@@ -291,12 +310,16 @@ def _typed(hint: Any, value: Any, key: str) -> Any:
 
 
 def section_type(cls: type, values: dict[str, Any]) -> type:
-    """The dataclass that a section's values fill: a network's depends on its architecture."""
-    if cls is not Network:
-        return cls
-    architecture = values.get("architecture")
-    # An entry whose architecture is missing or misspelt is checked as what its other keys make it.
-    return AlexNet if architecture == "alexnet" or (architecture != "fcn" and "hidden" in values) else Network
+    """The dataclass that a section's values fill: architecture decides for a network, joints for a gripper."""
+    # Where that key is missing or misspelt, the values are checked as what the other keys make of them.
+    if cls is Network:
+        architecture = values.get("architecture")
+        return AlexNet if architecture == "alexnet" or (architecture != "fcn" and "hidden" in values) else Network
+    if cls is Gripper:
+        joints = values.get("joints")
+        prismatic = joints == "prismatic" or (joints != "revolute" and "force_n" in values)
+        return PrismaticGripper if prismatic else RevoluteGripper
+    return cls
 
 
 def build(cls: type[T], values: Any, key: str = "") -> T:
@@ -326,8 +349,7 @@ def validate(values: Any) -> Params:
             raise ParameterError(f"networks: {name!r} is not a key of `network` ({', '.join(params.network)})")
     if params.meshes.size_max_cm < params.meshes.size_min_cm:
         raise ParameterError("meshes.size_max_cm: below meshes.size_min_cm")
-    if params.gripper.gear_friction_nm >= params.gripper.torque_nm:
-        raise ParameterError("gripper.gear_friction_nm: takes less than gripper.torque_nm, else no finger moves")
+    _check_fingers(params.gripper, params)
     looks = LOOK_MS / params.physics.time_step_ms
     if abs(looks - round(looks)) > 1e-9:
         raise ParameterError(f"physics.time_step_ms: takes a step that goes into {LOOK_MS} ms without rest")
@@ -337,6 +359,25 @@ def validate(values: Any) -> Params:
     if len(params.robot.sigma_uv_mm) != len(params.robot.sigma_theta_deg):
         raise ParameterError("robot.sigma_theta_deg: takes as many values as robot.sigma_uv_mm")
     return params
+
+
+def _check_fingers(gripper: Gripper, params: Params) -> None:
+    """Fingers must move, meet before the hand rises, and not be turned round by their drag within one step."""
+    if isinstance(gripper, PrismaticGripper):
+        effort, friction, inertia = "force_n", "drive_friction_n", "finger_mass_kg"
+        speed, tip_mms = gripper.closing_speed_mms / 1e3, gripper.closing_speed_mms
+    elif isinstance(gripper, RevoluteGripper):
+        effort, friction, inertia = "torque_nm", "gear_friction_nm", "finger_inertia_kgm2"
+        speed, tip_mms = gripper.closing_speed_rads, gripper.closing_speed_rads * gripper.finger_length_mm
+    spare = getattr(gripper, effort) - getattr(gripper, friction)
+    if spare <= 0:
+        raise ParameterError(f"gripper.{friction}: takes less than gripper.{effort}, else no finger moves")
+    least = spare / speed * params.physics.time_step_ms / 1e3
+    if getattr(gripper, inertia) < least:
+        raise ParameterError(f"gripper.{inertia}: takes at least {least:.2g} for this force, speed and time step")
+    meet_s = gripper.opening_mm / 2 / tip_mms
+    if params.attempt.close_s < meet_s:
+        raise ParameterError(f"attempt.close_s: takes at least {meet_s:.2g}, in which the open fingertips meet")
 
 
 def read_yaml(path: Path) -> Any:
