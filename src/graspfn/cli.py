@@ -1,9 +1,10 @@
-"""`graspfn`: composing params.yaml and checking what the workflow needs. DVC runs the workflow itself."""
+"""`graspfn`: composing params.yaml, checking what the workflow needs, labelling one mesh. DVC runs the workflow."""
 
 from __future__ import annotations
 
 import ctypes
 import importlib.metadata
+import json
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -32,7 +33,7 @@ def _options(
         False
     ),
 ) -> None:
-    """Parameters and checks; `dvc repro` runs the workflow."""
+    """Parameters, checks, and the labels of one mesh; `dvc repro` runs the workflow."""
 
 
 @app.command()
@@ -58,6 +59,40 @@ def params(
 @app.command()
 def check() -> None:
     """Say, a line each, what is wrong with params.yaml and which system libraries are missing."""
+    _end_at(_problems(), 1)
+
+
+@app.command()
+def label(
+    mesh: Annotated[Path, typer.Argument(help="A .off .obj .stl .ply .glb or .gltf file, in metres.", metavar="MESH")],
+    out: Annotated[Path | None, typer.Option(help="Folder to write to; ./NAME-labels if not given.")] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Of the drop and the attempts; that of params.yaml if not given.")
+    ] = None,
+    size: Annotated[float | None, typer.Option(metavar="CM", help="Scale the mesh to this largest extent.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the account as JSON.")] = False,
+) -> None:
+    """Settle and label one mesh with the physics of params.yaml.
+
+    For example: graspfn label mug.stl --size 10
+    """
+    _end_at(_problems(), 2)
+    from graspfn.label_mesh import label_mesh, table  # DART is slow to import, and may not load
+    from graspfn.meshes.errors import MeshError
+    from graspfn.workflow.parallel import ClusterError
+
+    params = validate(read_yaml(Path("params.yaml")))
+    out, seed = out or Path(f"{mesh.stem}-labels"), params.seed if seed is None else seed
+    try:
+        account = label_mesh(mesh, out, params, seed, size)
+    except (ParameterError, MeshError, ClusterError) as error:
+        typer.echo(str(error), err=True)
+        raise typer.Exit(2) from None
+    typer.echo(json.dumps(account) if as_json else table(account))
+
+
+def _problems() -> list[str]:
+    """What is wrong with params.yaml and which system libraries are missing."""
     problems = []
     libraries = [DART_LIBRARY]
     try:
@@ -70,10 +105,15 @@ def check() -> None:
         for file, package, user in libraries
         if not _loads(file)
     ]
+    return problems
+
+
+def _end_at(problems: list[str], status: int) -> None:
+    """Print problems, if there are any, and end with an exit status."""
     for problem in problems:
         typer.echo(problem, err=True)
     if problems:
-        raise typer.Exit(1)
+        raise typer.Exit(status)
 
 
 def _loads(library: str) -> bool:

@@ -48,8 +48,7 @@ def make_object(candidate: Candidate, raw: trimesh.Trimesh | RejectedMeshError, 
         meshes.size_min_cm / 100, meshes.size_max_cm / 100
     )
     scale = size / float(cleaned.mesh.extents.max())
-    mesh = _placed(cleaned.mesh, scale)
-    collision = collision_mesh(mesh, meshes.collision_faces, meshes.collision_tolerance_mm / 1e3)
+    mesh, collision = at_scale(cleaned.mesh, scale, meshes)
     row = {
         "id": candidate.id,
         "source": candidate.source,
@@ -70,12 +69,16 @@ def make_object(candidate: Candidate, raw: trimesh.Trimesh | RejectedMeshError, 
     return Object(row, mesh, collision)
 
 
-def _placed(mesh: trimesh.Trimesh, scale: float) -> trimesh.Trimesh:
-    """The mesh in metres with its centre of mass (the hull's, where it is open) at the origin."""
+def at_scale(clean_mesh: trimesh.Trimesh, scale: float, meshes: Meshes) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
+    """The mesh in metres with its centre of mass (the hull's, where it is open) at the origin, and its collision mesh.
+
+    scale: metres to a unit of the clean mesh.
+    """
     # centred before the volume integrals: files may place an object far from their origin
-    vertices = (mesh.vertices - mesh.bounds.mean(axis=0)) * scale
-    placed = trimesh.Trimesh(vertices, mesh.faces, process=False)
-    return trimesh.Trimesh(vertices - solid(placed).center_mass, mesh.faces, process=False)
+    vertices = (clean_mesh.vertices - clean_mesh.bounds.mean(axis=0)) * scale
+    placed = trimesh.Trimesh(vertices, clean_mesh.faces, process=False)
+    mesh = trimesh.Trimesh(vertices - solid(placed).center_mass, clean_mesh.faces, process=False)
+    return mesh, collision_mesh(mesh, meshes.collision_faces, meshes.collision_tolerance_mm / 1e3)
 
 
 @dataclass
