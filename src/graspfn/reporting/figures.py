@@ -6,14 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
-import trimesh
 
 from graspfn.geometry import grid
 from graspfn.planning.methods import best_grasp, robust_best_grasp
 from graspfn.planning.smoothing import axis_weights
 from graspfn.reporting import figures_functions, figures_images, figures_results, figures_scenes
 from graspfn.reporting.inputs import PredictedExample, ReportInputs
-from graspfn.reporting.shading import OBJECT_COLOUR, View, render_scene
 from graspfn.reporting.sheets import contact_sheets
 from graspfn.reporting.style import Plate
 from graspfn.reporting.tables import who_recorded
@@ -22,8 +20,8 @@ from graspfn.workflow.seeds import generator
 SUMMARY_SIGMA_MM = 20.0
 PREDICTION_SIGMA = (15.0, 10.0)  # mm, degrees
 GROWING_SIGMAS = ((2.0, 5.0), (5.0, 10.0), (10.0, 20.0), (20.0, 40.0))
+FILMS = {"held": "Attempts that held,", "failed": "Attempts that touched the object and failed,"}
 PAPER_SIGMA_THETA_DEG = 10.0  # of the paper's graph
-PALM_COLOUR, FINGER_COLOUR = (0.38, 0.42, 0.48), (0.27, 0.47, 0.68)
 
 
 def best_network(table1: pd.DataFrame) -> str:
@@ -154,22 +152,20 @@ def _images(inputs: ReportInputs) -> Iterator[Plate]:
 
 def _scenes(inputs: ReportInputs) -> Iterator[Plate]:
     if inputs.film:
-        film, shots = inputs.film, []
-        toward = np.array([np.cos(film.q[2]), -np.sin(film.q[2])])  # the closing direction, in world x, y
-        across = np.array([toward[1], -toward[0]])
-        x, y = film.q[0] + 1.0 * across[0] + 0.5 * toward[0], -film.q[1] + 1.0 * across[1] + 0.5 * toward[1]
-        view = View((x, y, 0.6), (film.q[0], -film.q[1], 0.165), 0.30, 330, 480)
-        for shot in film.shots:
-            parts = [(film.mesh.copy().apply_transform(shot.T_world_object), OBJECT_COLOUR)]
-            for (T, size), colour in zip(shot.boxes, (PALM_COLOUR, FINGER_COLOUR, FINGER_COLOUR), strict=True):
-                parts.append((trimesh.creation.box(size, T), colour))
-            shots.append((shot.title, render_scene(parts, view)))
         yield Plate(
             "simulated_grasp",
-            f"A simulated grasp of {film.id}: the hand is kinematic, the fingers close under constant torque, the hand "
-            "rises at constant speed. Lines on the table are 5 cm apart.",
-            figures_scenes.draw_simulated_grasp(shots),
+            f"A simulated grasp of {inputs.film.id}: the hand is kinematic, the fingers close under constant torque, "
+            "the hand rises at constant speed. Lines on the table are 5 cm apart.",
+            figures_scenes.draw_simulated_grasp(figures_scenes.film_scenes(inputs.film)),
         )
+    for name, films in inputs.films.items():
+        if films:
+            yield Plate(
+                f"films_{name}",
+                f"{FILMS[name]} of different training objects, the first ones of different classes: hand in place, "
+                "fingers closed, 5 cm up, at the top.",
+                figures_scenes.draw_films(films),
+            )
     yield from contact_sheets(inputs.data)
 
 

@@ -21,6 +21,7 @@ from graspfn.reporting.style import (
     show_depth,
     square,
     styled,
+    window_round,
 )
 
 
@@ -37,6 +38,20 @@ class ExecutedGrasp:
 def short(name: str, most: int = 24) -> str:
     """A name that fits over a panel: its middle left out where it is long."""
     return name if len(name) <= most else f"{name[: most // 2 - 1]}…{name[-(most // 2 - 2) :]}"
+
+
+@styled
+def draw_depth(depth: np.ndarray, camera: Intrinsics) -> Figure:
+    """One depth image (480, 640), metres: all of it, and what stands out of the table enlarged."""
+    figure = new_figure(WIDE_IN, 3.25)
+    whole, near = figure.subplots(1, 2, width_ratios=[4 / 3, 1])
+    show_depth(whole, depth, camera)
+    scale_bar(whole, 100)
+    whole.set_title("depth image")
+    show_depth(near, depth, camera, window_round(depth, camera))
+    scale_bar(near)
+    near.set_title("enlarged")
+    return figure
 
 
 @styled

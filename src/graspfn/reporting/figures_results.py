@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from graspfn.reporting.style import COLOURS, LINES, MARKERS, PAPER, WIDE_IN, new_figure, styled
 
-# In the order in which an attempt can fail; `culled` ones provably touch nothing and are not simulated.
+# In the order in which an attempt can fail; `untouched` ones touch nothing and are not simulated.
 OUTCOMES = {
     "held": "held: lifted 20 cm, a success",
     "left": "left: not in the gripper at the top",
@@ -92,9 +92,9 @@ def draw_training_curves(pretraining: Mapping[str, pd.DataFrame], training: Mapp
 
 @styled
 def draw_label_outcomes(account: pd.DataFrame) -> Figure:
-    """How the labelling attempts ended; account: one row per object with a count for each outcome and `culled`."""
+    """How the labelling attempts ended; account: one row per object with a count for each outcome and `untouched`."""
     counts = account[list(OUTCOMES)].sum()
-    culled, near = int(account["culled"].sum()), int(counts.sum())
+    culled, near = int(account["untouched"].sum()), int(counts.sum())
     figure = new_figure(WIDE_IN * 0.85, 2.3)
     axes = figure.subplots()
     shares = counts / max(near, 1)
@@ -105,7 +105,7 @@ def draw_label_outcomes(account: pd.DataFrame) -> Figure:
     axes.invert_yaxis()
     axes.set(xlim=(0, min(1.25, shares.max() * 1.3 + 0.05)), xlabel="share of attempts that touch the object")
     axes.set_title(
-        f"{near:,} attempts; {culled:,} more provably touch nothing",
+        f"{near:,} attempts; {culled:,} more touch nothing",
         fontsize=8,
         loc="left",
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,9 +10,9 @@ import trimesh
 
 from graspfn.geometry import grid
 from graspfn.geometry.transforms import T_world_grasp, translation
-from graspfn.params import Attempt, Gripper, Physics
+from graspfn.meshes.placed import Resting
 from graspfn.physics.attempt import Frame, Grasper, Outcome
-from graspfn.physics.world import GraspWorld
+from graspfn.physics.world import GraspWorld, Rig
 
 HIGH_M = 0.05
 TRIES = 20  # poses of an object; a pose with score 1 holds nearly always at its cell's centre
@@ -46,12 +47,14 @@ def poses_to_try(successes: np.ndarray) -> np.ndarray:
 
 def _shot(title: str, frame: Frame, q: np.ndarray, world: GraspWorld) -> Shot:
     T_world_hand = T_world_grasp(q) @ translation(0, 0, frame.hand_z)
-    boxes = tuple((T_world_hand @ T, size) for T, size in world.kinematics.parts(frame.finger_angles))
+    boxes = tuple((T_world_hand @ T, size) for T, size in world.kinematics.parts(frame.fingers))
     return Shot(title, frame.T_world_object, boxes)
 
 
-def moments(frames: list[Frame]) -> list[tuple[str, Frame]]:
-    """Start, closed, 5 cm up and the top of a whole attempt."""
+def moments(frames: Sequence[Frame]) -> list[tuple[str, Frame]]:
+    """Start, closed, 5 cm up and the top of a whole attempt; none of one that collided or ran away."""
+    if not frames:
+        return []
     closed = [frame for frame in frames if frame.hand_z < 1e-6][-1]
     high = next((frame for frame in frames if frame.hand_z >= HIGH_M), frames[-1])
     top = frames[-1]
@@ -63,26 +66,30 @@ def moments(frames: list[Frame]) -> list[tuple[str, Frame]]:
     ]
 
 
-def film_grasp(
-    name: str,
-    mesh: trimesh.Trimesh,
-    collision: trimesh.Trimesh,
-    T_world_object: np.ndarray,
-    successes: np.ndarray,
-    physics: Physics,
-    gripper: Gripper,
-    attempt: Attempt,
-) -> Film | None:
+def film_grasp(name: str, grasper: Grasper, q: np.ndarray) -> Film:
+    """Every moment of the attempt at pose q (3,)."""
+    result = grasper.run(q, whole=True, film=True)
+    shots = tuple(_shot(title, frame, q, grasper.world) for title, frame in moments(result.frames))
+    return Film(name, grasper.resting.mesh, q, result.outcome.value, shots)
+
+
+def film_failure(name: str, resting: Resting, successes: np.ndarray, rig: Rig, rng: np.random.Generator) -> Film | None:
+    """An attempt that touches the object and does not hold it, at a random one of the poses where none ever held.
+
+    successes: (33, 44, 6).
+    """
+    grasper = Grasper(resting, rig)
+    for q in rng.permutation(grid.poses()[successes == 0]):
+        if grasper.run(q).outcome in (Outcome.MISSED, Outcome.LEFT):
+            return film_grasp(name, grasper, q)
+    return None
+
+
+def film_best_grasp(name: str, resting: Resting, successes: np.ndarray, rig: Rig) -> Film | None:
     """The first attempt that holds, of the poses that labelling found best; None where none of them does.
 
-    mesh is what is seen and has the mass, collision what is touched; successes: (33, 44, 6).
+    successes: (33, 44, 6).
     """
-    world = GraspWorld(mesh, collision, physics, gripper)
-    grasper = Grasper(world, T_world_object, attempt)
-    for q in poses_to_try(successes):
-        frames: list[Frame] = []
-        outcome = grasper.run(q, frames.append, whole=True)
-        if outcome is Outcome.HELD:
-            shots = tuple(_shot(title, frame, q, world) for title, frame in moments(frames))
-            return Film(name, mesh, q, outcome.value, shots)
-    return None
+    grasper = Grasper(resting, rig)
+    films = (film_grasp(name, grasper, q) for q in poses_to_try(successes))
+    return next((seen for seen in films if seen.outcome == Outcome.HELD), None)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,16 +13,18 @@ import pandas as pd
 from graspfn.geometry.camera import Intrinsics
 from graspfn.imaging.holes import fill_holes
 from graspfn.imaging.noise import observe
-from graspfn.meshes.placed import T_world_object, read_resting
-from graspfn.meshes.store import load_object, read_manifest
+from graspfn.meshes.placed import load_resting, read_resting
+from graspfn.meshes.store import read_manifest
+from graspfn.physics.world import Rig
 from graspfn.reporting.figures_images import ExecutedGrasp
-from graspfn.reporting.film import Film, film_grasp
+from graspfn.reporting.film import Film, film_best_grasp, film_failure
 from graspfn.reporting.parameters import Parameter, flat_parameters
 from graspfn.robot.read import read_trial
 from graspfn.workflow.files import read_npz
+from graspfn.workflow.seeds import generator
 
 SPLITS = ("train", "test")
-SHOWN_TEST, SHOWN_GRASPS = 4, 8
+SHOWN_TEST, SHOWN_GRASPS, SHOWN_FILMS = 4, 8, 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +64,7 @@ class ReportInputs:
     """Everything a report shows. Tables have the columns of the stage that wrote them.
 
     manifests and placed: by split. rejects (split, source, name, class, reason): meshes turned down.
+    films: of several objects, by whether they are "held" or "failed".
     data: where the objects' meshes and poses lie, too many to hold. stage_seconds: how long each stage took, for those
     where it is known.
     params: the sections of params.yaml, but for compute.
@@ -83,6 +86,7 @@ class ReportInputs:
     labelled: LabelledExample
     predicted: tuple[PredictedExample, ...]
     film: Film | None
+    films: Mapping[str, Sequence[Film]]
     recorded: Recorded
     stage_seconds: Mapping[str, float]
 
@@ -126,15 +130,38 @@ def _film(data: Path, labels: Mapping[str, np.ndarray], first: str, params: Any)
     total = labels["successes"].reshape(len(labels["ids"]), -1).sum(axis=1, dtype=int)
     names = [str(labels["ids"][i]) for i in np.argsort(-total, kind="stable") if total[i]]
     names.sort(key=lambda name: name != first)
-    placed = {row["id"]: T_world_object(row) for row in read_resting(data / "placed/train.parquet").to_dict("records")}
+    placed = {row["id"]: row for row in read_resting(data / "placed/train.parquet").to_dict("records")}
+    rig = Rig(params.physics, params.gripper, params.attempt)
     place = {str(name): i for i, name in enumerate(labels["ids"])}
     for name in names:
-        mesh, collision = load_object(data / "objects/train", name), load_object(data / "collision/train", name)
-        world = (params.physics, params.gripper, params.attempt)
-        film = film_grasp(name, mesh, collision, placed[name], labels["successes"][place[name]], *world)
+        resting = load_resting(data / "objects/train", data / "collision/train", placed[name])
+        film = film_best_grasp(name, resting, labels["successes"][place[name]], rig)
         if film:
             return film
     return None
+
+
+def _films(data: Path, labels: Mapping[str, np.ndarray], params: Any) -> dict[str, list[Film]]:
+    """Up to SHOWN_FILMS attempts that held and as many that failed, of the first objects of different classes."""
+    placed = read_resting(data / "placed/train.parquet")
+    placed = placed[placed["id"].isin(labels["ids"].tolist())].reset_index(drop=True)
+    rig = Rig(params.physics, params.gripper, params.attempt)
+    place = {str(name): i for i, name in enumerate(labels["ids"])}
+    rows = placed.to_dict("records")
+    films: dict[str, list[Film]] = {"held": [], "failed": []}
+    for position in spread(placed["class"], len(placed)):
+        name, held = rows[position]["id"], len(films["held"]) <= len(films["failed"])
+        resting = load_resting(data / "objects/train", data / "collision/train", rows[position])
+        successes = labels["successes"][place[name]]
+        rng = generator(params.seed, "report", "films", name)
+        film = (
+            film_best_grasp(name, resting, successes, rig) if held else film_failure(name, resting, successes, rig, rng)
+        )
+        if film:
+            films["held" if held else "failed"].append(film)
+        if min(map(len, films.values())) == SHOWN_FILMS:
+            break
+    return films
 
 
 def _recorded(data: Path, trials: pd.DataFrame, params: Any) -> Recorded:
@@ -178,6 +205,7 @@ def load_inputs(data: Path, params: Any, stage_seconds: Mapping[str, float]) -> 
         labelled=labelled,
         predicted=_predicted(data, params.networks),
         film=_film(data, labels, labelled.id, params),
+        films=_films(data, labels, params),
         recorded=_recorded(data, robot_trials, params),
         stage_seconds=stage_seconds,
     )

@@ -69,7 +69,7 @@ def _table(trials: pd.DataFrame, objects: str, pair_by: list[str], cells: list[t
 
 def _labels(account: pd.DataFrame, label_attempts: int) -> dict[str, float]:
     done = account[list(OUTCOMES)].sum()
-    near, culled = int(done.sum()), int(account["culled"].sum())
+    near, culled = int(done.sum()), int(account["untouched"].sum())
     return {
         "objects": int((account["status"] == "labelled").sum()),
         "attempts_per_pose": label_attempts,

@@ -122,7 +122,7 @@ def counts(inputs: ReportInputs) -> list[tuple[str, str]]:
         rows.append((f"objects not labelled: {reason}", f"{count:,}"))
     sure = int((account["best"] == inputs.params.label.attempts).sum())
     rows.append(("training objects with a pose at which every attempt holds", f"{sure}"))
-    rows.append(("attempts that provably touch nothing, not simulated", f"{int(account['culled'].sum()):,}"))
+    rows.append(("attempts that provably touch nothing, not simulated", f"{int(account['untouched'].sum()):,}"))
     rows += [(f"attempts {meaning}", f"{int(account[name].sum()):,}") for name, meaning in OUTCOMES.items()]
     rows.append(("trials behind Table 1", f"{len(inputs.trials):,}"))
     rows.append(("recordings behind Table 2", f"{len(inputs.robot_trials):,}"))
