@@ -1,0 +1,170 @@
+"""DART against MuJoCo on the same grasp attempts: do they agree on what is held, and where not, why (docs/physics.md)?
+
+    python benchmarks/cross_engine.py --objects 30 --attempts 100
+
+Hulls of Bullet's random objects and a few solids, so that both engines touch the same convex shape. Every attempt runs
+to its end in both, once as drawn and once moved by 0.1 mm and 0.1 degree: what that changes is undecided, and no second
+engine could confirm it. Some also run with DART's exact friction solver, and with MuJoCo's contacts as they come.
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import json
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from convex import SOLIDS, convex_objects, exact_grasper
+from isolated import Died, isolated
+from mujoco_grasp import ADVISED, MujocoGrasper
+from objects import committed, cores, rig_of, touching
+
+from graspfn.evaluation.statistics import proportion
+from graspfn.geometry.transforms import apply
+from graspfn.meshes.placed import Resting
+from graspfn.params import Params
+from graspfn.physics.attempt import CLEAR_M, Frame, Grasper, Result
+from graspfn.physics.gripper import Kinematics
+from graspfn.physics.world import Rig
+from graspfn.workflow.seeds import generator
+
+SHUT = 0.01  # of a joint's range short of its stop: nothing is between the fingers
+MOVE = np.array([1e-4, 1e-4, np.radians(0.1)])
+BOOTSTRAPS = 10_000
+DART, MUJOCO = "DART", "MuJoCo"
+MOVED = {DART: "DART, moved", MUJOCO: "MuJoCo, moved"}
+EXACT, SOFT = "DART, exact friction", "MuJoCo, its own contacts"
+WAYS = (DART, MOVED[DART], EXACT, MUJOCO, MOVED[MUJOCO], SOFT)
+Run = Callable[[np.ndarray], Result]
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Attempts on one object: held or not in every way, seconds of each, and how those that disagree were lost."""
+
+    held: pd.DataFrame  # columns WAYS; of EXACT only the first rows, the others are missing
+    seconds: dict[str, float]
+    lost: list[tuple[str, str]]  # the engine that held, and how the other one lost it
+
+
+def compare(name: str, resting: Resting, params: Params, attempts: int, exact: int) -> Compared:
+    rig, rng = rig_of(params), generator(params.seed, "cross_engine", name, "attempts")
+    poses = touching(resting, rig, attempts, rng)
+    moved = poses + rng.choice([-1.0, 1.0], poses.shape) * MOVE
+    dart_run = functools.partial(Grasper(resting, rig).run, whole=True)
+    mujoco_run = MujocoGrasper(resting, rig).run
+    ways: dict[str, tuple[Run, np.ndarray]] = {
+        DART: (dart_run, poses),
+        MOVED[DART]: (dart_run, moved),
+        EXACT: (functools.partial(exact_grasper(resting, rig).run, whole=True), poses[:exact]),
+        MUJOCO: (mujoco_run, poses),
+        MOVED[MUJOCO]: (mujoco_run, moved),
+        SOFT: (MujocoGrasper(resting, rig, ADVISED).run, poses),
+    }
+    held, seconds = {}, {}
+    for way, (run, some) in ways.items():
+        started = time.process_time()
+        held[way] = pd.Series([run(q).held for q in some], dtype="boolean")
+        seconds[way] = time.process_time() - started
+    table = pd.DataFrame(held)
+    lost = []
+    for i in np.flatnonzero(table[DART] != table[MUJOCO]):
+        winner, run = (DART, mujoco_run) if table[DART][i] else (MUJOCO, dart_run)
+        lost.append((winner, how_lost(run(poses[i], film=True).frames, resting, rig)))
+    return Compared(table, seconds, lost)
+
+
+def how_lost(frames: Sequence[Frame], resting: Resting, rig: Rig) -> str:
+    """What became of an object that was not held, from the frames of the attempt."""
+    lift = [frame for frame in frames if frame.hand_z > 0]
+    k = Kinematics.from_params(rig.gripper)
+    if min(lift[0].fingers) > k.closed - SHUT * (k.closed - k.open):
+        return "squeezed out before the lift"
+    lowest = [apply(frame.T_world_object, resting.mesh.vertices)[:, 2].min() for frame in lift]
+    return "lost in mid-air" if max(lowest) > CLEAR_M else "lost while it touched the table"
+
+
+def f1_interval(a: np.ndarray, b: np.ndarray, objects: np.ndarray, seed: int) -> tuple[float, float, float]:
+    """F1 of b (n,) bool with a (n,) bool as the reference, and its 95% interval: whole objects are drawn anew."""
+    _, index = np.unique(objects, return_inverse=True)
+    both, either = np.bincount(index, a & b), np.bincount(index, a.astype(int) + b)
+    drawn = np.random.default_rng(seed).integers(len(both), size=(BOOTSTRAPS, len(both)))
+    with np.errstate(invalid="ignore"):  # no success in all that was drawn
+        spread = 2 * both[drawn].sum(axis=1) / either[drawn].sum(axis=1)
+        low, high = np.nanquantile(spread, [0.025, 0.975])
+        return float(2 * both.sum() / either.sum()), float(low), float(high)
+
+
+def compared(rows: pd.DataFrame, first: str, second: str, seed: int) -> dict[str, str]:
+    """How two ways agree on the attempts that ran in both."""
+    rows = rows[rows[first].notna() & rows[second].notna()]
+    a, b, objects = rows[first].to_numpy(bool), rows[second].to_numpy(bool), rows["object"].to_numpy()
+    shares = {"first held": a, "second held": b, "agree": a == b}
+    cells = {"attempts": str(len(rows)), "objects": str(len(np.unique(objects)))}
+    for title, values in shares.items():
+        share = proportion(values, objects)
+        cells[title] = f"{share.value:.3f} ({share.low:.3f} to {share.high:.3f})"
+    return cells | {"F1": "{:.3f} ({:.3f} to {:.3f})".format(*f1_interval(a, b, objects, seed))}
+
+
+def tables(rows: pd.DataFrame, lost: pd.DataFrame, seconds: pd.DataFrame, seed: int) -> dict[str, pd.DataFrame]:
+    decided = rows[(rows[DART] == rows[MOVED[DART]]) & (rows[MUJOCO] == rows[MOVED[MUJOCO]])]
+    solid = rows["object"].isin(list(SOLIDS))
+    groups = {"all": rows, "hulls": rows[~solid], "solids": rows[solid], "undecided left out": decided}
+    some = rows[rows[EXACT].notna()]
+    pairs = [(rows, DART, MOVED[DART]), (rows, MUJOCO, MOVED[MUJOCO]), (rows, DART, SOFT), (rows, MUJOCO, SOFT)]
+    pairs += [(some, DART, MUJOCO), (some, DART, EXACT), (some, EXACT, MUJOCO)]
+    ms = {way: 1e3 * seconds[way].sum() / rows[way].notna().sum() for way in WAYS}
+    return {
+        f"{DART}; {MUJOCO}": pd.DataFrame(
+            {name: compared(part, DART, MUJOCO, seed) for name, part in groups.items()}
+        ).T,
+        "other pairs": pd.DataFrame(
+            [{"first": a, "second": b} | compared(part, a, b, seed) for part, a, b in pairs]
+        ).set_index(["first", "second"]),
+        "how an engine lost what the other held": pd.crosstab(lost["how"], lost["held by"]),
+        "processor time": pd.DataFrame({"ms per attempt": ms}).round(1),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--objects", type=int, default=30, help="hulls, besides the solids")
+    parser.add_argument("--attempts", type=int, default=100, help="of each object")
+    parser.add_argument("--exact", type=int, default=10, help="of these with exact friction too, which takes long")
+    parser.add_argument("--workers", type=int, default=cores())
+    parser.add_argument("--json", type=Path, help="file for the tables")
+    arguments = parser.parse_args()
+    params = committed()
+    objects = list(convex_objects(params, arguments.objects, arguments.workers))
+    tasks = [(name, resting, params, arguments.attempts, arguments.exact) for name, resting in objects]
+    rows, lost, seconds = [], [], []
+    for (name, _), done in zip(objects, isolated(compare, tasks, arguments.workers, "grasp"), strict=True):
+        if isinstance(done, Died):
+            print(f"left out {name}: {done}")
+            continue
+        rows.append(done.held.assign(object=name))
+        lost += done.lost
+        seconds.append(done.seconds)
+    found = tables(
+        pd.concat(rows, ignore_index=True),
+        pd.DataFrame(lost, columns=["held by", "how"]),
+        pd.DataFrame(seconds),
+        params.seed,
+    )
+    for title, table in found.items():
+        print(f"\n{title}\n{table.to_string()}")
+    print("\nreproduce: python benchmarks/" + " ".join(["cross_engine.py", *sys.argv[1:]]))
+    if arguments.json:
+        text = {title: table.reset_index().to_dict("records") for title, table in found.items()}
+        arguments.json.write_text(json.dumps(text, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
