@@ -149,6 +149,12 @@ def test_composing_leaves_hydra_as_it_was():
         ("topics.depth=${nowhere}", "topics.depth: "),
         ("topics.depth=???", "topics.depth: missing"),
         ("label=5", "label: takes a mapping"),
+        ("gripper=claw", "gripper: 'claw' is not one of franka_hand, kinova_mico"),
+        ("gripper.joints=sliding", "gripper.joints: 'sliding' is not one of revolute, prismatic"),
+        ("gripper.joints=prismatic", "gripper.knuckle_mm: unknown key; gripper takes name, joints, opening_mm"),
+        ("gripper.gear_friction_nm=100", "gripper.gear_friction_nm: takes less than gripper.torque_nm"),
+        ("gripper.finger_inertia_kgm2=1e-9", "gripper.finger_inertia_kgm2: takes at least"),
+        ("attempt.close_s=0.01", "attempt.close_s: takes at least"),
     ],
 )
 def test_bad_argument_is_one_line_and_writes_nothing(workplace, argument, names):
@@ -165,6 +171,16 @@ def test_params_away_from_conf_says_where_it_looked(tmp_path, monkeypatch):
     result = CliRunner().invoke(app, ["params"])
     assert result.exit_code == 2
     assert result.stderr.startswith("conf/config.yaml: no such file")
+
+
+@pytest.mark.parametrize("choice", sorted(path.stem for path in CONF.glob("gripper/*.yaml")))
+def test_a_gripper_needs_every_key_of_its_joints(choice):
+    gripper = composed(f"gripper={choice}")["gripper"]
+    for key in gripper:
+        values = composed(f"gripper={choice}")
+        del values["gripper"][key]
+        with pytest.raises(ParameterError, match=f"^gripper.{key}: missing$"):
+            validate(values)
 
 
 def test_every_key_has_its_meaning_as_a_comment():

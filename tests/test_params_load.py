@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from graspfn.params import Compute, Network, ParameterError, Params, load, validate
+from graspfn.params import Compute, Network, ParameterError, Params, load, section_type, validate
 
 ROOT = Path(__file__).parents[1]
 VALUES = yaml.safe_load((ROOT / "params.yaml").read_text())
@@ -21,10 +21,11 @@ def walk(cls=Params, values=VALUES, path=()):
         if typing.get_origin(hint) is typing.Annotated:
             yield (*path, name), *typing.get_args(hint)[:2]
         elif dataclasses.is_dataclass(hint):
-            yield from walk(hint, values[name], (*path, name))
+            yield from walk(section_type(hint, values[name]), values[name], (*path, name))
         else:
             for entry in values[name]:
-                yield from walk(typing.get_args(hint)[1], values[name][entry], (*path, name, entry))
+                inner = values[name][entry]
+                yield from walk(section_type(typing.get_args(hint)[1], inner), inner, (*path, name, entry))
 
 
 KEYS = [pytest.param(*key, id=".".join(key[0])) for key in walk()]

@@ -21,6 +21,8 @@ import yaml
 from dvc.repo import Repo
 from networkx import ancestors
 
+from graspfn.physics.labelling import ENDS, OUTCOMES, RETRIED
+
 ROOT = Path(__file__).parents[1]
 # DVC asks pygtrie for what it will one day no longer give.
 pytestmark = pytest.mark.filterwarnings("ignore:_NoneStep:DeprecationWarning")
@@ -129,8 +131,10 @@ def test_every_figure_is_drawn(smoke: Workspace) -> None:
 
 def test_every_attempt_is_accounted_for(smoke: Workspace) -> None:
     account = pd.read_parquet(smoke.folder / "data/label_account.parquet")
-    counts = account.drop(columns=["id", "status", "best"])
-    assert (counts.sum(axis=1) == 43560).all()
+    assert set(account) == {"id", "status", "best", *OUTCOMES, *ENDS, RETRIED}
+    assert (account[list(OUTCOMES)].sum(axis=1) == 43560).all()
+    simulated = account[["held", "left", "missed", "diverged"]].sum(axis=1)
+    assert account[list(ENDS)].sum(axis=1).tolist() == simulated.tolist()
     with np.load(smoke.folder / "data/labels.npz") as labels:
         assert labels["successes"].reshape(len(account), -1).sum(axis=1).tolist() == account["held"].tolist()
 

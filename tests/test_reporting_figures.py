@@ -51,7 +51,7 @@ def history(steps):
 
 
 def account():
-    return pd.DataFrame({"culled": [100], "held": [3], "left": [2], "missed": [1], "collided": [4], "diverged": [0]})
+    return pd.DataFrame({"untouched": [100], "held": [3], "left": [2], "missed": [1], "collided": [4], "diverged": [0]})
 
 
 def drawings():
@@ -75,6 +75,7 @@ def drawings():
             [depth, depth], [[q, r]] * 2, [(5, 10), (20, 40)], 100, CAMERA
         ),
         "summary_1d": lambda: figures_functions.draw_summary_1d(*figures.slice_for_summary(f, 20.0), 20.0),
+        "depth": lambda: figures_images.draw_depth(depth, CAMERA),
         "noise": lambda: figures_images.draw_noise(depth, noisy, CAMERA),
         "inpainting": lambda: figures_images.draw_inpainting(raw, depth, CAMERA, simulated=True),
         "example_grasps": lambda: figures_images.draw_example_grasps([grasp] * 5, 100, CAMERA, simulated=True),
@@ -213,6 +214,7 @@ def test_film_shows_start_closed_five_centimetres_and_top():
     shown = film.moments(frames)
     assert [frame.time_s for _, frame in shown] == [0.0, 0.2, 0.4, 0.6]
     assert shown[-1][0] == "20 cm up"
+    assert film.moments([]) == []  # of an attempt that collides at once
 
 
 def test_poses_to_film_are_the_best_scored_and_then_the_most_central():

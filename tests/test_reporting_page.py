@@ -81,7 +81,7 @@ def write_data(data, params):
     f[1, 15:18, 18, 3] = 0.4
     successes = (5 * f).astype(np.uint8)
     write_npz(data / "labels.npz", {"ids": np.array(trained), "successes": successes, "attempts": np.array(5)})
-    ended = {"culled": 40000, "held": 90, "collided": 10, "missed": 20, "left": 30, "diverged": 1}
+    ended = {"untouched": 40000, "held": 90, "collided": 10, "missed": 20, "left": 30, "diverged": 1}
     write_parquet(
         data / "label_account.parquet",
         pd.DataFrame([{"id": i, "status": "labelled", "best": 5} | ended for i in trained]),
@@ -181,6 +181,14 @@ def test_a_grasp_that_labelling_scored_was_filmed_to_the_top(inputs):
     assert inputs.film.shots[-1].T_world_object[2, 3] > 0.18
 
 
+def test_as_many_attempts_that_failed_were_filmed_as_held(inputs):
+    films = inputs.films
+    assert {film.outcome for film in films["held"]} == {"held"}
+    assert {film.outcome for film in films["failed"]} <= {"missed", "left"}
+    assert len({film.id for group in films.values() for film in group}) == len(films["held"]) + len(films["failed"])
+    assert films["held"] and films["failed"]
+
+
 def test_the_same_inputs_give_the_same_bytes(report):
     folder, again = report
     files = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
@@ -193,7 +201,7 @@ def test_every_figure_of_the_paper_is_there_as_png_and_pdf(report, html):
     names = {
         *("summary_1d", "grasp_function", "training_example", "predictions", "growing_uncertainty"),
         *("success_vs_sigma_uv", "training_curves", "label_outcomes", "noise", "inpainting", "example_grasps"),
-        *("simulated_grasp", "objects_made"),
+        *("simulated_grasp", "films_held", "films_failed", "objects_made"),
     }
     files = {path.name for path in (report[0] / "figures").iterdir()}
     assert files == {f"{name}.{kind}" for name in names for kind in ("png", "pdf")}
@@ -202,7 +210,7 @@ def test_every_figure_of_the_paper_is_there_as_png_and_pdf(report, html):
 
 def test_the_page_is_well_formed_and_needs_nothing_else(html, parsed):
     assert parsed.misplaced == [] and parsed.open == []
-    assert len(parsed.addresses) == 13
+    assert len(parsed.addresses) == 15
     assert all(address.startswith("data:image/png;base64,") for address in parsed.addresses)
     style = html.split("<style>")[1].split("</style>")[0]
     assert "url(" not in style and "@import" not in style and "<script" not in html
@@ -245,7 +253,7 @@ def test_figures_of_an_earlier_report_do_not_stay(inputs, report, monkeypatch, t
 
 def test_without_a_film_the_other_scenes_are_still_drawn(inputs, monkeypatch):
     monkeypatch.setattr(shading, "SAMPLES", 1)
-    bare = dataclasses.replace(inputs, film=None)
+    bare = dataclasses.replace(inputs, film=None, films={"held": [], "failed": []})
     assert [plate.name for plate in figures._scenes(bare)] == ["objects_made"]
 
 

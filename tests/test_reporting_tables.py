@@ -48,7 +48,7 @@ def account():
                 "id": "a",
                 "status": "labelled",
                 "best": 5,
-                "culled": 60,
+                "untouched": 60,
                 "held": 10,
                 "left": 20,
                 "missed": 5,

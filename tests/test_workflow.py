@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import re
 import signal
 import time
 from collections.abc import Iterator
@@ -85,6 +86,17 @@ def test_a_slow_first_task_does_not_let_the_others_run_away() -> None:
 
     assert next(iter(map_in_order(slow_if_first, tasks(), 1, compute(2), "slow")))[0] == "0"
     assert len(issued) <= 2 * AHEAD
+
+
+def test_the_bar_tells_objects_and_attempts_a_second_and_the_time_left(capsys: pytest.CaptureFixture[str]) -> None:
+    tasks = [(f"{name}/{part}", (f"{name}/{part}",)) for name in "ab" for part in range(3)]
+    for _ in map_objects(draw, tasks, len(tasks), compute(1), "bar", parts=3, attempts=lambda drawn: 700):
+        time.sleep(0.15)  # longer than the bar waits before it shows itself anew
+    shown = capsys.readouterr().err.split("\r")
+    frame = r"bar: .* 1\.00/2\.00 \[\d\d:\d\d<00:0\d, +[\d.]+ ?(object/s|s/object), \d+ attempts/s\]"
+    assert any(re.search(frame, line) for line in shown), shown
+    rate = int(re.findall(r"(\d+) attempts/s", shown[-1])[0])
+    assert 0 < rate < 6 * 700 / (5 * 0.15)  # five waits before the sixth result
 
 
 def test_no_tasks_start_no_cluster() -> None:

@@ -1,0 +1,125 @@
+"""Grasping against closed forms: Coulomb's friction, free fall, the symmetries of objects and of the table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from physics_params import ATTEMPT, GRIPPER, JAW, JAW_ATTEMPT, PHYSICS, touching_poses
+
+from graspfn.evaluation.trials import Bench
+from graspfn.geometry.transforms import move_pose, rotation_z, translation
+from graspfn.meshes.placed import Resting
+from graspfn.params import Gripper
+from graspfn.physics.attempt import Grasper
+from graspfn.physics.gripper import Kinematics, Revolute
+from graspfn.physics.world import Rig, TableWorld
+
+RIG = Rig(PHYSICS, GRIPPER, ATTEMPT)
+# Drives without friction of their own, whose grip is decided.
+LOOSE, LOOSE_JAW = replace(GRIPPER, gear_friction_nm=0.0), replace(JAW, drive_friction_n=0.0)
+EDGE = 0.05  # of the blocks, metres
+# So slowly, since the hand sets off at once: until a block of weight W that is held with F has caught up with it, it
+# slips by v^2 / 2g (F/W - 1), at 1% 5 cm for 0.1 m/s, and 0.5 mm for this.
+SLOW = {"lift_mm": 20.0, "lift_speed_mms": 10.0}
+
+
+def upright(mesh: trimesh.Trimesh, theta: float = 0.0) -> Resting:
+    """The mesh, its origin in the centre of mass, standing on its lowest face, turned by theta in the image."""
+    return Resting(mesh, mesh, rotation_z(-theta) @ translation(0, 0, -mesh.bounds[0, 2]))
+
+
+def lifted(gripper: Gripper, height: float, weight: float, theta: float) -> bool:
+    """Whether a hand turned by theta lifts a block that is turned with it; metres, newtons."""
+    block = trimesh.creation.box([EDGE, EDGE, height])
+    physics = replace(PHYSICS, density_kgm3=weight / 9.81 / block.volume)
+    attempt = replace(JAW_ATTEMPT if gripper is LOOSE_JAW else ATTEMPT, **SLOW)
+    grasper = Grasper(upright(block, theta), Rig(physics, gripper, attempt))
+    return grasper.run(np.array([0, 0, theta]), whole=True).held
+
+
+def revolute_limit(height: float) -> float:
+    """The weight at which a block slips between fingers under constant torque, newtons."""
+    k = Kinematics.from_params(LOOSE)
+    assert isinstance(k, Revolute)
+    x, z, depth = k.joint_x - EDGE / 2, k.height - height, k.thickness / 2  # pads touch the block's upper edges
+    arm = np.sqrt(x**2 + z**2 - depth**2)
+    slope = np.arcsin(depth / np.hypot(x, z)) - np.arctan2(x, z)
+    # The pads lie `depth` inside the joints, so that friction has an arm as well; and they press the block down.
+    force = LOOSE.torque_nm / (arm + PHYSICS.friction * depth)
+    return float(2 * force * (PHYSICS.friction * np.cos(slope) - np.sin(slope)))
+
+
+TURNED = pytest.mark.parametrize("theta", [0.0, np.pi / 4], ids=["straight", "turned"])
+
+
+@TURNED
+def test_upright_pads_hold_exactly_2_mu_f(theta: float) -> None:
+    limit = 2 * PHYSICS.friction * LOOSE_JAW.force_n
+    shares = np.array([0.5, 0.9, 0.98, 1.02, 1.1, 1.5])
+    assert [lifted(LOOSE_JAW, 0.04, share * limit, theta) for share in shares] == (shares < 1).tolist()
+
+
+@TURNED
+@pytest.mark.parametrize("height", [0.03, 0.06])
+def test_sloping_pads_hold_what_friction_allows(height: float, theta: float) -> None:
+    """DART's solver bounds friction by what the normal force would be without it: up to 9% too much for a torque."""
+    shares = np.array([0.5, 0.9, 0.97, 1.12, 1.5])
+    limit = revolute_limit(height)
+    assert [lifted(LOOSE, height, share * limit, theta) for share in shares] == (shares < 1).tolist()
+
+
+def test_free_fall() -> None:
+    world = TableWorld(trimesh.creation.box([0.03, 0.14, 0.04]), PHYSICS)
+    world.place_object(translation(0, 0, 1.0))
+    t, dt = 0.2, world.time_step
+    for _ in range(round(t / dt)):
+        world.step()
+    assert world.object_pose()[2, 3] == pytest.approx(1.0 - 9.81 * t * (t + dt) / 2, abs=1e-6)  # semi-implicit Euler
+
+
+def held(grasper: Grasper, poses: np.ndarray) -> np.ndarray:
+    """Which of the poses (m, 3) hold; (m,) bool."""
+    return np.array([grasper.run(q).held for q in poses])
+
+
+def agreement(one: np.ndarray, other: np.ndarray) -> float:
+    """Share of the poses that hold in both or in neither; some must hold and some not, or it would mean little."""
+    assert 0.1 < one.mean() < 0.9
+    return float(np.mean(one == other))
+
+
+def test_an_upright_cylinder_is_the_same_from_all_sides() -> None:
+    grasper = Grasper(upright(trimesh.creation.cylinder(0.03, 0.05, sections=64)), RIG)
+    poses = touching_poses(grasper.resting, 40)
+    seen = held(grasper, poses)
+    for theta in (0.4, np.pi / 2):
+        assert agreement(seen, held(grasper, move_pose(poses, np.zeros(2), theta))) >= 0.95
+
+
+@pytest.mark.parametrize(
+    "image",
+    [lambda u, v, theta: (-u, v, -theta), lambda u, v, theta: (u, -v, -theta), lambda u, v, theta: (-u, -v, theta)],
+    ids=["mirrored in u", "mirrored in v", "half a turn"],
+)
+def test_a_boxs_grasps_have_its_symmetries(image: Callable[..., tuple[np.ndarray, ...]]) -> None:
+    grasper = Grasper(upright(trimesh.creation.box([0.05, 0.09, 0.04])), RIG)
+    poses = touching_poses(grasper.resting, 40)
+    assert agreement(held(grasper, poses), held(grasper, np.stack(image(*poses.T), axis=-1))) >= 0.95
+
+
+# The table's friction is a pyramid along the axes of the world, so that what slides tells 40 degrees from 90.
+@pytest.mark.parametrize(("shift", "theta", "least"), [((0.05, -0.03), np.pi / 2, 0.95), ((-0.1, 0.08), 0.7, 0.9)])
+def test_moving_and_turning_an_object_moves_its_grasps(shift: tuple[float, float], theta: float, least: float) -> None:
+    """A moved object under a moved hand, against a bench that moves poses back instead."""
+    wedge = trimesh.creation.box([0.06, 0.1, 0.05])
+    wedge = trimesh.convex.convex_hull(wedge.vertices * [[0.4 if y > 0 else 1, 1, 1] for y in wedge.vertices[:, 1]])
+    wedge.apply_translation(-wedge.center_mass)
+    resting = upright(wedge)
+    moved = replace(resting, T_world_object=translation(shift[0], -shift[1]) @ upright(wedge, theta).T_world_object)
+    poses, bench = move_pose(touching_poses(resting, 40), np.array(shift), theta), Bench(resting, RIG)
+    there = np.array([bench.grasp(q, np.array(shift), theta).held for q in poses])
+    assert agreement(held(Grasper(moved, RIG), poses), there) >= least
