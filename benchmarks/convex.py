@@ -1,19 +1,16 @@
-"""Convex objects at rest, the same shapes to DART and to MuJoCo, and DART with exact friction to grasp them."""
+"""Convex objects at rest: the same shapes to DART and to MuJoCo."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-import dartpy as dart
 import trimesh
 from objects import resting_objects
 from trimesh.creation import box, cylinder, icosphere
 
 from graspfn.meshes.placed import RESTING, Resting
 from graspfn.params import Params
-from graspfn.physics.attempt import Grasper
 from graspfn.physics.settling import settle
-from graspfn.physics.world import Rig
 from graspfn.workflow.seeds import generator
 
 TRIES = 10  # orientations in which a hull is dropped: some roll away
@@ -23,7 +20,6 @@ SOLIDS = {
     "sphere": icosphere(2, 0.025),
     "hexagonal prism": cylinder(0.025, 0.07, sections=6),
 }
-VIOLATION = 1e-3  # of Coulomb's law, relative: NSGS goes on until it is smaller
 
 
 def convex_objects(params: Params, count: int, workers: int) -> Iterator[tuple[str, Resting]]:
@@ -44,14 +40,3 @@ def _at_rest(mesh: trimesh.Trimesh, params: Params, name: str) -> Resting | None
         if settled.status == RESTING:
             return Resting(mesh, mesh, settled.T_world_object)
     return None
-
-
-def exact_grasper(resting: Resting, rig: Rig) -> Grasper:
-    """DART with NSGS for a solver, which iterates until the contacts obey Coulomb's law. Slow."""
-    grasper = Grasper(resting, rig)
-    solver = dart.constraint.NsgsFrictionSolver()
-    options = solver.getOptions()
-    options.tolerance = VIOLATION
-    solver.setOptions(options)
-    grasper.world.world.getConstraintSolver().setBoxedLcpSolver(solver)
-    return grasper

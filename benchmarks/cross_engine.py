@@ -4,7 +4,7 @@
 
 Hulls of Bullet's random objects and a few solids, so that both engines touch the same convex shape. Every attempt runs
 to its end in both, once as drawn and once moved by 0.1 mm and 0.1 degree: what that changes is undecided, and no second
-engine could confirm it. Some also run with DART's exact friction solver, and with MuJoCo's contacts as they come.
+engine could confirm it. All run with MuJoCo's contacts as soft as they come, too.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from convex import SOLIDS, convex_objects, exact_grasper
+from convex import SOLIDS, convex_objects
 from isolated import Died, isolated
 from mujoco_grasp import ADVISED, MujocoGrasper
 from objects import committed, cores, rig_of, touching
@@ -39,8 +39,8 @@ MOVE = np.array([1e-4, 1e-4, np.radians(0.1)])
 BOOTSTRAPS = 10_000
 DART, MUJOCO = "DART", "MuJoCo"
 MOVED = {DART: "DART, moved", MUJOCO: "MuJoCo, moved"}
-EXACT, SOFT = "DART, exact friction", "MuJoCo, its own contacts"
-WAYS = (DART, MOVED[DART], EXACT, MUJOCO, MOVED[MUJOCO], SOFT)
+SOFT = "MuJoCo, its own contacts"
+WAYS = (DART, MOVED[DART], MUJOCO, MOVED[MUJOCO], SOFT)
 Run = Callable[[np.ndarray], Result]
 
 
@@ -48,12 +48,12 @@ Run = Callable[[np.ndarray], Result]
 class Compared:
     """Attempts on one object: held or not in every way, seconds of each, and how those that disagree were lost."""
 
-    held: pd.DataFrame  # columns WAYS; of EXACT only the first rows, the others are missing
+    held: pd.DataFrame  # columns WAYS
     seconds: dict[str, float]
     lost: list[tuple[str, str]]  # the engine that held, and how the other one lost it
 
 
-def compare(name: str, resting: Resting, params: Params, attempts: int, exact: int) -> Compared:
+def compare(name: str, resting: Resting, params: Params, attempts: int) -> Compared:
     rig, rng = rig_of(params), generator(params.seed, "cross_engine", name, "attempts")
     poses = touching(resting, rig, attempts, rng)
     moved = poses + rng.choice([-1.0, 1.0], poses.shape) * MOVE
@@ -62,7 +62,6 @@ def compare(name: str, resting: Resting, params: Params, attempts: int, exact: i
     ways: dict[str, tuple[Run, np.ndarray]] = {
         DART: (dart_run, poses),
         MOVED[DART]: (dart_run, moved),
-        EXACT: (functools.partial(exact_grasper(resting, rig).run, whole=True), poses[:exact]),
         MUJOCO: (mujoco_run, poses),
         MOVED[MUJOCO]: (mujoco_run, moved),
         SOFT: (MujocoGrasper(resting, rig, ADVISED).run, poses),
@@ -70,7 +69,7 @@ def compare(name: str, resting: Resting, params: Params, attempts: int, exact: i
     held, seconds = {}, {}
     for way, (run, some) in ways.items():
         started = time.process_time()
-        held[way] = pd.Series([run(q).held for q in some], dtype="boolean")
+        held[way] = [run(q).held for q in some]
         seconds[way] = time.process_time() - started
     table = pd.DataFrame(held)
     lost = []
@@ -102,9 +101,8 @@ def f1_interval(a: np.ndarray, b: np.ndarray, objects: np.ndarray, seed: int) ->
 
 
 def compared(rows: pd.DataFrame, first: str, second: str, seed: int) -> dict[str, str]:
-    """How two ways agree on the attempts that ran in both."""
-    rows = rows[rows[first].notna() & rows[second].notna()]
-    a, b, objects = rows[first].to_numpy(bool), rows[second].to_numpy(bool), rows["object"].to_numpy()
+    """How two ways agree."""
+    a, b, objects = rows[first].to_numpy(), rows[second].to_numpy(), rows["object"].to_numpy()
     shares = {"first held": a, "second held": b, "agree": a == b}
     cells = {"attempts": str(len(rows)), "objects": str(len(np.unique(objects)))}
     for title, values in shares.items():
@@ -117,16 +115,14 @@ def tables(rows: pd.DataFrame, lost: pd.DataFrame, seconds: pd.DataFrame, seed: 
     decided = rows[(rows[DART] == rows[MOVED[DART]]) & (rows[MUJOCO] == rows[MOVED[MUJOCO]])]
     solid = rows["object"].isin(list(SOLIDS))
     groups = {"all": rows, "hulls": rows[~solid], "solids": rows[solid], "undecided left out": decided}
-    some = rows[rows[EXACT].notna()]
-    pairs = [(rows, DART, MOVED[DART]), (rows, MUJOCO, MOVED[MUJOCO]), (rows, DART, SOFT), (rows, MUJOCO, SOFT)]
-    pairs += [(some, DART, MUJOCO), (some, DART, EXACT), (some, EXACT, MUJOCO)]
-    ms = {way: 1e3 * seconds[way].sum() / rows[way].notna().sum() for way in WAYS}
+    pairs = [(DART, MOVED[DART]), (MUJOCO, MOVED[MUJOCO]), (DART, SOFT), (MUJOCO, SOFT)]
+    ms = {way: 1e3 * seconds[way].sum() / len(rows) for way in WAYS}
     return {
         f"{DART}; {MUJOCO}": pd.DataFrame(
             {name: compared(part, DART, MUJOCO, seed) for name, part in groups.items()}
         ).T,
         "other pairs": pd.DataFrame(
-            [{"first": a, "second": b} | compared(part, a, b, seed) for part, a, b in pairs]
+            [{"first": a, "second": b} | compared(rows, a, b, seed) for a, b in pairs]
         ).set_index(["first", "second"]),
         "how an engine lost what the other held": pd.crosstab(lost["how"], lost["held by"]),
         "processor time": pd.DataFrame({"ms per attempt": ms}).round(1),
@@ -137,13 +133,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--objects", type=int, default=30, help="hulls, besides the solids")
     parser.add_argument("--attempts", type=int, default=100, help="of each object")
-    parser.add_argument("--exact", type=int, default=10, help="of these with exact friction too, which takes long")
     parser.add_argument("--workers", type=int, default=cores())
     parser.add_argument("--json", type=Path, help="file for the tables")
     arguments = parser.parse_args()
     params = committed()
     objects = list(convex_objects(params, arguments.objects, arguments.workers))
-    tasks = [(name, resting, params, arguments.attempts, arguments.exact) for name, resting in objects]
+    tasks = [(name, resting, params, arguments.attempts) for name, resting in objects]
     rows, lost, seconds = [], [], []
     for (name, _), done in zip(objects, isolated(compare, tasks, arguments.workers, "grasp"), strict=True):
         if isinstance(done, Died):

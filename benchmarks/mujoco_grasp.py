@@ -1,7 +1,8 @@
 """A grasp attempt in MuJoCo, as alike to DART's as two engines can be (physics/attempt.py): a second opinion on labels.
 
-The table touches the object alone, with the same points; the hand's fingers have the same torque, drag, drive friction,
-inertia and limits. Only convex objects: MuJoCo takes the convex hull of every mesh.
+The table touches the object alone, with the same points; the hand's fingers have the same torque, drive friction and
+limits. A drag keeps them from closing faster than their drives allow, and takes some more inertia. Only convex objects:
+MuJoCo takes the convex hull of every mesh.
 """
 
 from __future__ import annotations
@@ -104,7 +105,7 @@ class MujocoGrasper:
 def _mjcf(resting: Resting, points: np.ndarray, k: Kinematics, rig: Rig, contact: Contact) -> str:
     """The model. contype and conaffinity pair object with gripper, and sole with table.
 
-    The drag is a bias of the actuator, as in DART a part of the command: a joint's damping would be implicit.
+    The drag is a bias of the actuator, since a joint's damping is implicit and would take from the grip.
     """
     step = rig.physics.time_step_ms / 1e3
     mass, inertia = mass_properties(resting.mesh, rig.physics.density_kgm3)
@@ -114,23 +115,25 @@ def _mjcf(resting: Resting, points: np.ndarray, k: Kinematics, rig: Rig, contact
     stops = f'solreflimit={firm} solimplimit="0.99 0.99 0.001" solreffriction={firm} solimpfriction="0.999 0.999 0.001"'
     (T_palm, palm_size), *fingers = k.parts((0.0, 0.0))
     chain = ""
+    drag = (k.effort - k.friction) / k.speed
+    inertia = np.maximum(k.inertia, 1.5 * drag * step)  # with less, the drag would turn a finger round within a step
     for side, name, (T, size) in zip((-1, 1), ("left", "right"), fingers, strict=True):
         root = _text(k.finger(side, 0.0)[:3, 3])
         motion = f'type="hinge" axis="0 {side} 0"' if k.turns else f'type="slide" axis="{-side} 0 0"'
         # As in DART, the centre of mass of a finger that turns sits on its axis.
         chain += f"""<body name="{name}" gravcomp="1">
-          <inertial pos="{root}" mass="{1.0 if k.turns else k.inertia}" diaginertia="{_text([k.inertia] * 3)}"/>
+          <inertial pos="{root}" mass="{1.0 if k.turns else inertia}" diaginertia="{_text([inertia] * 3)}"/>
           <joint name="{name}" {motion} pos="{root}" limited="true"
             range="{k.open - 1e-3} {k.closed}" frictionloss="{k.friction}" {stops}/>
           {_box(T, size)}</body>"""
     motors = "".join(
-        f'<general joint="{name}" gainprm="{k.effort}" biastype="affine" biasprm="0 0 {-k.drag}"/>'
+        f'<general joint="{name}" gainprm="{k.effort}" biastype="affine" biasprm="0 0 {-drag}"/>'
         for name in ("left", "right")
     )
     return f"""<mujoco>
       <compiler angle="radian"/>
       <option timestep="{step}" integrator="{contact.integrator}" cone="{contact.cone}" impratio="{contact.impratio}"
-        jacobian="dense"/>
+        jacobian="dense" tolerance="1e-12"/>
       <default><geom condim="3" friction="{rig.physics.friction}" solimp="{_text(contact.impedance)} 0.001" {soft}
         contype="0" conaffinity="0"/></default>
       <asset>

@@ -109,7 +109,8 @@ def test_every_attempt_is_accounted_for_whole_and_in_parts() -> None:
     found = labels(angles=slice(0, 2))
     assert found.successes.shape == (*grid.SHAPE[:2], 2)
     check_sums(found, found.successes.size)
-    assert all(found.account[key] for key in ("held", "collided", "untouched", "left", "stopped_failed", "ran_to_end"))
+    seen = ("held", "collided", "untouched", "missed", "stopped_failed", "ran_to_end")
+    assert all(found.account[key] for key in seen)
     parts = joined([labels(angles=slice(0, 1)), labels(angles=slice(1, 2))])
     assert parts.account == found.account and np.array_equal(parts.successes, found.successes)
     assert PARAMS.label.attempts * np.prod(grid.SHAPE) == 43560

@@ -166,3 +166,23 @@ def test_a_worker_killed_in_mid_task_costs_that_task_alone(
     assert {name: len(pids) for name, pids in processes(tmp_path).items()} == {
         name: 2 if name == victim else 1 for name in expected
     }
+
+
+def die(starts: Path) -> None:
+    note_start(starts / "dies")
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def label_or_die(starts: Path, *arguments: Any) -> Labels | None:
+    return label_part(*arguments) if arguments else die(starts)
+
+
+def test_a_task_that_kills_three_workers_takes_no_other_with_it(
+    scheduler: str, expected: dict[str, Made], tmp_path: Path
+) -> None:
+    todo = [(name, (tmp_path, *arguments)) for name, arguments in tasks()]
+    todo.insert(1, ("dies", (tmp_path,)))
+    found = dict(map_objects(label_or_die, todo, len(todo), compute(address=scheduler), "label"))
+    assert str(found.pop("dies")) == "dies: killed its worker process 3 times"
+    assert {name: made(labels) for name, labels in found.items()} == expected
+    assert len(processes(tmp_path)["dies"]) <= 6  # thrice among others, where it is not known who did it, and alone

@@ -57,7 +57,7 @@ class Result:
 # Early stops. Each waits until nothing can change any more: they save time, not outcomes (docs/physics.md).
 CHECK_S = LOOK_MS / 1e3  # states are looked at this often
 LOST_S = 0.050  # no touch for so long while the hand rises
-WATCH, HALF = 5, 4  # every 5th look, how the object moves in the hand is compared over twice 4 of these
+WATCH, HALF = 2, 5  # every 2nd look, how the object moves in the hand is compared over twice 5 of these
 GRIP_M = 0.1e-3  # it stays there if it will move no farther than this until the top
 LEVER_M = 0.1  # from its centre of mass to where turning counts, about as far as an object reaches
 CLOSED = 1e-4  # of a joint's range short of its stop

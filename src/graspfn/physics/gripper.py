@@ -24,8 +24,8 @@ class Kinematics(ABC):
     height: float  # of joints and palm's underside, so that the fingertips' lowest point is `clearance_mm` high
     effort: float  # closing torque or force on each finger
     friction: float  # of each drive, in the unit of the effort
-    drag: float  # per speed of a joint: leaves nothing of the effort at the closing speed
-    inertia: float  # of finger and drive: a moment or a mass
+    speed: float  # of the joints, the most that the drives allow
+    inertia: float  # of a finger: a moment or a mass
 
     def __init__(self, gripper: Gripper):
         self.length = gripper.finger_length_mm / 1e3
@@ -72,7 +72,7 @@ class Revolute(Kinematics):
         deepest = np.max(self.length * np.cos(sweep) + self.thickness / 2 * np.abs(np.sin(sweep)))
         self.height = float(deepest) + gripper.clearance_mm / 1e3
         self.effort, self.friction = gripper.torque_nm, gripper.gear_friction_nm
-        self.drag = (self.effort - self.friction) / gripper.closing_speed_rads
+        self.speed = gripper.closing_speed_rads
         self.inertia = gripper.finger_inertia_kgm2
 
     def _angle_of_tip(self, tip_x: float) -> float:
@@ -107,7 +107,7 @@ class Prismatic(Kinematics):
         self.open, self.closed = 0.0, gripper.opening_mm / 2e3
         self.height = self.length + gripper.clearance_mm / 1e3
         self.effort, self.friction = gripper.force_n, gripper.drive_friction_n
-        self.drag = (self.effort - self.friction) / (gripper.closing_speed_mms / 1e3)
+        self.speed = gripper.closing_speed_mms / 1e3
         self.inertia = gripper.finger_mass_kg
 
     def finger(self, side: int, position: float) -> np.ndarray:

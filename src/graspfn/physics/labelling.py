@@ -65,11 +65,12 @@ def label_object(resting: Resting, attempts: int, rig: Rig, rng: np.random.Gener
 
 def end(result: Result) -> list[str]:
     """The entries of the account, besides its outcome, that an attempt counts in."""
+    retried = [RETRIED] * result.retried
     if result.outcome in (Outcome.UNTOUCHED, Outcome.COLLIDED):
-        return []
+        return retried
     stopped = "stopped_held" if result.held else "stopped_failed"
     ended = "ran_away" if result.outcome is Outcome.DIVERGED else stopped if result.early else "ran_to_end"
-    return [ended, RETRIED] if result.retried else [ended]
+    return [ended, *retried]
 
 
 @functools.cache

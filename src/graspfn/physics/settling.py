@@ -16,6 +16,7 @@ from graspfn.physics.world import Diverged, TableWorld
 LOOK_S = 0.020
 REST_S = 0.2  # slower than the limits below for so long: at rest
 REST_M_S, REST_RAD_S = 2e-3, 2e-2
+SUNK_M = 1e-4  # deeper in the table, it is still being pushed out
 FAR_M = 1.0
 ROLLING_S = 1.0  # time constant of the resistance that stops a rolling body; rigid contacts have none
 
@@ -50,6 +51,9 @@ def settle(mesh: trimesh.Trimesh, physics: Physics, settling: Settle, rng: np.ra
                 return Settled("fell through the table" if T[2, 3] < 0 else "rolled away", T)
             linear, angular = world.object_velocity()
             slow = np.abs(linear).max() < REST_M_S and np.abs(angular).max() < REST_RAD_S
+            # A corner that lands first sinks in, and DART takes its time to push it out again: an object may be slow
+            # for long before it lies flat.
+            slow = slow and world.lowest_point() > -SUNK_M
             rest = rest + LOOK_S if slow else 0.0
             if rest >= REST_S:
                 T[2, 3] -= world.lowest_point()  # the solver lets a landing body sink in by a fraction of a millimetre

@@ -21,7 +21,7 @@ DETECTORS = {
     "bullet": dart.collision.BulletCollisionDetector,
     "dart": dart.collision.DARTCollisionDetector,
 }
-State = tuple[np.ndarray, ...]
+State = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, bool]
 RUNAWAY_M_S = 10.0  # an object has no more than the energy of this speed and the work of the fingers
 
 
@@ -111,11 +111,12 @@ class GraspWorld(TableWorld):
     def __init__(self, resting: Resting, physics: Physics, gripper: Gripper):
         super().__init__(resting.mesh, physics, resting.collision)
         self.kinematics = Kinematics.from_params(gripper)
-        self.effort, self.drag = self.kinematics.effort, self.kinematics.drag
+        self.effort, self.speed = self.kinematics.effort, self.kinematics.speed
         self.max_energy += 2 * self.effort * (self.kinematics.closed - self.kinematics.open)
         self.hand = bodies.hand(self.kinematics)
         self._add(self.hand)
         self._hand_bodies = self.hand.getBodyNodes()
+        self._drives, self._limit = self.hand.getJoints()[1:], np.inf
         for body in self._hand_bodies:
             self._filter.addBodyNodePairToBlackList(self._sole, body)
             self._filter.addBodyNodePairToBlackList(self.table.getBodyNode(0), body)
@@ -133,15 +134,20 @@ class GraspWorld(TableWorld):
         self.hand.getJoint(0).setTransformFromParentBodyNode(dart.math.Isometry3(T_world_grasp(q)))
         self.hand.setPositions([0.0, self.kinematics.open, self.kinematics.open])
         self.hand.setVelocities(np.zeros(3))
+        self._squeezes = False
 
     def state(self) -> State:
-        """Positions and velocities of hand and object, to be restored bit by bit."""
-        return tuple(read() for body in (self.hand, self.object) for read in (body.getPositions, body.getVelocities))
+        """All that the next step depends on, to be restored bit by bit."""
+        hand, body = self.hand, self.object
+        positions = hand.getPositions(), body.getPositions()
+        return *positions, hand.getVelocities(), body.getVelocities(), self._squeezes
 
     def restore(self, state: State) -> None:
-        for body, positions, velocities in ((self.hand, *state[:2]), (self.object, *state[2:])):
-            body.setPositions(positions)
-            body.setVelocities(velocities)
+        hand, body, hand_velocities, body_velocities, self._squeezes = state
+        self.hand.setPositions(hand)
+        self.object.setPositions(body)
+        self.hand.setVelocities(hand_velocities)
+        self.object.setVelocities(body_velocities)
 
     def hand_touches_object(self) -> bool:
         """Whether palm or fingers meet the object's surface in the present state."""
@@ -156,15 +162,39 @@ class GraspWorld(TableWorld):
         return bool(self.mesh.contains(apply(np.linalg.inv(self.object_pose()), centres)).any())
 
     def drive(self, rise: float, steps: int = 1) -> None:
-        """Time steps with the effort on both fingers and the hand rising at `rise` (m/s)."""
-        hand, effort, drag, step = self.hand, self.effort, self.drag, self.step
+        """Time steps with the effort on both fingers, no faster than `speed`, and the hand rising at `rise` (m/s)."""
+        _, left, right = self._hand_bodies
+        commands = np.array([rise, self.effort, self.effort])
         for _ in range(steps):
-            # The drag that limits the closing speed is part of the command, not a joint damping: DART integrates
-            # damping implicitly but solves contacts without it, which would divide the grip force by
-            # 1 + drag * step / inertia.
-            _, left, right = hand.getVelocities().tolist()
-            hand.setCommands([rise, effort - drag * left, effort - drag * right])
-            step()
+            if self._squeezes:
+                self._squeeze(commands)
+            else:
+                self._step(commands, self.speed)
+            touching = self.world.getLastCollisionResult().inCollision
+            self._squeezes = touching(left) and touching(right)
+
+    def _squeeze(self, commands: np.ndarray) -> None:
+        """A time step with both fingers on the object.
+
+        DART bounds friction by the normal forces that there would be without it. Without it a squeezed object may
+        escape, and if the fingers might follow no faster than their drives allow, they would hardly press on it. So
+        they are let go, and the step is taken again in the cases where friction did not hold them (docs/physics.md).
+        """
+        before = self.state()
+        self._step(commands, np.inf)
+        _, left, right = self.hand.getVelocities().tolist()
+        if left > self.speed or right > self.speed:
+            self.restore(before)
+            self._step(commands, self.speed)
+
+    def _step(self, commands: np.ndarray, limit: float) -> None:
+        """A time step with the speed of the drives limited."""
+        if limit != self._limit:
+            self._limit = limit
+            for drive in self._drives:
+                drive.setVelocityUpperLimit(0, limit)
+        self.hand.setCommands(commands)
+        self.step()
 
     def touched(self) -> bool:
         """Whether palm or fingers met the object in the last step; at less cost than `hand_touches_object`."""

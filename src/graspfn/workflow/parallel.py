@@ -70,7 +70,8 @@ def map_objects(
 ) -> Iterator[tuple[str, Any | Exception]]:
     """`function(*arguments)` of every (name, arguments) as each is done, in any order: (name, result or exception).
 
-    Results may not depend on the worker or the order. A task that kills its worker three times gives an error.
+    Results may not depend on the worker or the order. A task that kills its worker three times gives an error: three
+    times alone on the cluster, since Dask blames a death on every task that the worker had, waiting ones too.
     `hold` says, of the number of workers, whether no further task may start yet. The progress bar counts objects, of
     `parts` tasks each, and shows how many attempts a second there were where `attempts` tells them from a result.
     """
@@ -81,32 +82,44 @@ def map_objects(
     with cluster(compute) as client, progress as bar:
         # Three tasks in flight per worker: enough to keep it busy, few enough that a long list costs no memory.
         waiting = iter(tasks)
-        names: dict[Any, str] = {}
+        running: dict[Any, tuple[str, tuple[Any, ...], bool]] = {}  # with whether it runs alone
+        suspects: deque[tuple[str, tuple[Any, ...]]] = deque()
         pending = as_completed(with_results=False)
 
-        call = uuid.uuid4().hex  # other calls may be on the same scheduler
+        def submit(name: str, arguments: tuple[Any, ...], alone: bool) -> None:
+            # A key of its own: other calls may be on the same scheduler.
+            future = client.submit(function, *arguments, pure=False, key=f"{label}-{name}-{uuid.uuid4().hex}")
+            running[future] = name, arguments, alone
+            pending.add(future)
 
         def fill() -> None:
+            if any(alone for _, _, alone in running.values()):
+                return
             workers = max(1, len(client.nthreads()))  # they come and go
-            while len(names) < 3 * workers and not hold(workers):
-                name, arguments = next(waiting, (None, ()))
-                if name is None:
-                    return
-                future = client.submit(function, *arguments, pure=False, key=f"{label}-{name}-{call}")
-                names[future] = name
-                pending.add(future)
+            while len(running) < 3 * workers and not hold(workers):
+                task = next(waiting, None)
+                if task is None:
+                    break
+                submit(*task, alone=False)
+            if suspects and not running:
+                submit(*suspects.popleft(), alone=True)
 
-        made = 0
+        done = made = 0
         fill()
         for future in pending:
-            name = names.pop(future)
+            name, arguments, alone = running.pop(future)
             try:
                 result: Any = future.result()
-            except KilledWorker:
-                result = RuntimeError(f"{name}: killed its worker process {ATTEMPTS_PER_TASK} times")
+            except KilledWorker as killed:
+                if not alone:
+                    suspects.append((name, arguments))
+                    fill()
+                    continue
+                result = RuntimeError(f"{name}: killed its worker process {killed.allowed_failures + 1} times")
             except Exception as error:
                 result = error
-            bar.update(1 / parts)
+            done += 1
+            bar.update(done / parts - bar.n)  # sixths that are added up come to more than their objects
             if attempts and not isinstance(result, Exception):
                 made += attempts(result)
                 bar.set_postfix_str(f"{made / max(bar.format_dict['elapsed'], 1e-9):.0f} attempts/s", refresh=False)
