@@ -72,7 +72,7 @@ def predicted(mass: float, rig: Rig) -> float:
 
 def _kept(grasper: Grasper, q: np.ndarray, film: bool) -> Result:
     """As if GraspWorld did not let the fingers go when they squeeze an object."""
-    with mock.patch.object(GraspWorld, "_squeeze", lambda world, commands: world._step(commands, world.speed)):
+    with mock.patch.object(GraspWorld, "squeezes", lambda world: False):
         return grasper.run(q, whole=True, film=film)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from physics_params import ATTEMPT, GRIPPER, PHYSICS, SETTLE, touching_poses
+from physics_params import ATTEMPT, GRIPPER, PARAMS, PHYSICS, SETTLE, touching_poses
 
 from graspfn.geometry import grid
 from graspfn.geometry.transforms import apply, translation
@@ -16,6 +16,7 @@ from graspfn.physics.culling import touches_nothing
 from graspfn.physics.settling import settle
 from graspfn.physics.world import Rig, TableWorld
 from graspfn.selection import procedural
+from graspfn.selection.collision import collision_mesh
 
 BAR = trimesh.creation.box([0.03, 0.14, 0.04])
 RING = trimesh.creation.annulus(0.045, 0.06, 0.03)
@@ -80,6 +81,31 @@ def test_culled_attempts_leave_the_object_alone() -> None:
 def test_a_finger_wholly_inside_a_solid_collides() -> None:
     cube = trimesh.creation.box([0.2, 0.2, 0.2])
     assert grasper(Resting(cube, cube, translation(0, 0, 0.1))).run(np.zeros(3)).outcome is Outcome.COLLIDED
+
+
+@pytest.mark.parametrize("category", ["bottle", "cup"])
+def test_no_accepted_attempt_has_bodies_2_mm_deep_in_each_other(category: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    depths: list[float] = []
+    step = TableWorld.step
+
+    def watched(world: TableWorld) -> None:
+        step(world)
+        depths.extend(contact.penetrationDepth for contact in world.world.getLastCollisionResult().getContacts())
+
+    monkeypatch.setattr(TableWorld, "step", watched)
+    mesh = procedural.generate(category, np.random.default_rng(0))
+    mesh.apply_scale(0.08 / mesh.extents.max())
+    mesh.apply_translation(-mesh.center_mass)
+    collision = collision_mesh(mesh, PARAMS.meshes.collision_faces, PARAMS.meshes.collision_tolerance_mm / 1e3)
+    T = settle(mesh, PHYSICS, SETTLE, np.random.default_rng(0)).T_world_object
+    attempts = grasper(Resting(mesh, collision, T))
+    deepest = []
+    for q in touching_poses(attempts.resting, 25):
+        depths.clear()
+        if attempts.run(q, whole=True).held:
+            deepest.append(max(depths))
+    assert len(deepest) >= 3
+    assert max(deepest) < 2e-3
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -14,6 +14,8 @@ import numpy as np
 from graspfn.geometry.transforms import translation
 from graspfn.params import Gripper, ParameterError, PrismaticGripper, RevoluteGripper
 
+START_S = 0.02  # in which a drive reaches its speed
+
 
 class Kinematics(ABC):
     """What the world needs to know of a gripper, whatever joints its fingers have. SI units."""
@@ -25,6 +27,7 @@ class Kinematics(ABC):
     effort: float  # closing torque or force on each finger
     friction: float  # of each drive, in the unit of the effort
     speed: float  # of the joints, the most that the drives allow
+    acceleration: float  # likewise
     inertia: float  # of a finger: a moment or a mass
 
     def __init__(self, gripper: Gripper):
@@ -73,6 +76,7 @@ class Revolute(Kinematics):
         self.height = float(deepest) + gripper.clearance_mm / 1e3
         self.effort, self.friction = gripper.torque_nm, gripper.gear_friction_nm
         self.speed = gripper.closing_speed_rads
+        self.acceleration = self.speed / START_S
         self.inertia = gripper.finger_inertia_kgm2
 
     def _angle_of_tip(self, tip_x: float) -> float:
@@ -108,6 +112,7 @@ class Prismatic(Kinematics):
         self.height = self.length + gripper.clearance_mm / 1e3
         self.effort, self.friction = gripper.force_n, gripper.drive_friction_n
         self.speed = gripper.closing_speed_mms / 1e3
+        self.acceleration = self.speed / START_S
         self.inertia = gripper.finger_mass_kg
 
     def finger(self, side: int, position: float) -> np.ndarray:

@@ -22,6 +22,7 @@ DETECTORS = {
     "dart": dart.collision.DARTCollisionDetector,
 }
 State = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, bool]
+RESERVE = 100, 1e-9, 1e-6  # iterations at most, and the changes, absolute and relative, that end them before
 RUNAWAY_M_S = 10.0  # an object has no more than the energy of this speed and the work of the fingers
 
 
@@ -55,6 +56,10 @@ class TableWorld:
         self.world.setDeactivationOptions(sleeping)
         solver = self.world.getConstraintSolver()
         solver.setCollisionDetector(DETECTORS[physics.detector]())
+        # Where Dantzig's method fails, an iterative one takes the step: after 30 iterations, fingers would sink in.
+        reserve = dart.constraint.PgsBoxedLcpSolverOption()
+        reserve.mMaxIteration, reserve.mDeltaXThreshold, reserve.mRelativeDeltaXTolerance = RESERVE
+        solver.getSecondaryBoxedLcpSolver().setOption(reserve)
         # dartpy hands out a copy of the options, but the filter in it is the solver's own.
         self._filter = solver.getCollisionOption().collisionFilter
         self.friction = physics.friction
@@ -116,7 +121,8 @@ class GraspWorld(TableWorld):
         self.hand = bodies.hand(self.kinematics)
         self._add(self.hand)
         self._hand_bodies = self.hand.getBodyNodes()
-        self._drives, self._limit = self.hand.getJoints()[1:], np.inf
+        self._drives = self.hand.getJoints()[1:]
+        self.spurt = self.kinematics.acceleration * self.time_step
         for body in self._hand_bodies:
             self._filter.addBodyNodePairToBlackList(self._sole, body)
             self._filter.addBodyNodePairToBlackList(self.table.getBodyNode(0), body)
@@ -134,16 +140,16 @@ class GraspWorld(TableWorld):
         self.hand.getJoint(0).setTransformFromParentBodyNode(dart.math.Isometry3(T_world_grasp(q)))
         self.hand.setPositions([0.0, self.kinematics.open, self.kinematics.open])
         self.hand.setVelocities(np.zeros(3))
-        self._squeezes = False
+        self._squeezed = False
 
     def state(self) -> State:
         """All that the next step depends on, to be restored bit by bit."""
         hand, body = self.hand, self.object
         positions = hand.getPositions(), body.getPositions()
-        return *positions, hand.getVelocities(), body.getVelocities(), self._squeezes
+        return *positions, hand.getVelocities(), body.getVelocities(), self._squeezed
 
     def restore(self, state: State) -> None:
-        hand, body, hand_velocities, body_velocities, self._squeezes = state
+        hand, body, hand_velocities, body_velocities, self._squeezed = state
         self.hand.setPositions(hand)
         self.object.setPositions(body)
         self.hand.setVelocities(hand_velocities)
@@ -162,39 +168,42 @@ class GraspWorld(TableWorld):
         return bool(self.mesh.contains(apply(np.linalg.inv(self.object_pose()), centres)).any())
 
     def drive(self, rise: float, steps: int = 1) -> None:
-        """Time steps with the effort on both fingers, no faster than `speed`, and the hand rising at `rise` (m/s)."""
-        _, left, right = self._hand_bodies
+        """Time steps with the effort on both fingers, no faster than drives allow, the hand rising at `rise` (m/s)."""
         commands = np.array([rise, self.effort, self.effort])
         for _ in range(steps):
-            if self._squeezes:
-                self._squeeze(commands)
-            else:
-                self._step(commands, self.speed)
-            touching = self.world.getLastCollisionResult().inCollision
-            self._squeezes = touching(left) and touching(right)
+            self._step(commands)
+            self._squeezed = self.squeezes()
 
-    def _squeeze(self, commands: np.ndarray) -> None:
-        """A time step with both fingers on the object.
+    def _step(self, commands: np.ndarray) -> None:
+        """One time step.
 
-        DART bounds friction by the normal forces that there would be without it. Without it a squeezed object may
-        escape, and if the fingers might follow no faster than their drives allow, they would hardly press on it. So
-        they are let go, and the step is taken again in the cases where friction did not hold them (docs/physics.md).
+        DART bounds friction by the normal forces that there would be without it. Without it an object between two
+        fingers may escape, and fingers that follow no faster than their drives allow would hardly press on it. So they
+        are let go, and the step is taken again where friction did not hold them (docs/physics.md).
         """
-        before = self.state()
-        self._step(commands, np.inf)
         _, left, right = self.hand.getVelocities().tolist()
-        if left > self.speed or right > self.speed:
+        limits = min(left + self.spurt, self.speed), min(right + self.spurt, self.speed)
+        if self._squeezed:
+            before = self.state()
+            self._limited(commands, (np.inf, np.inf))
+            _, left, right = self.hand.getVelocities().tolist()
+            if left <= limits[0] and right <= limits[1]:
+                return
             self.restore(before)
-            self._step(commands, self.speed)
+        self._limited(commands, limits)
 
-    def _step(self, commands: np.ndarray, limit: float) -> None:
-        """A time step with the speed of the drives limited."""
-        if limit != self._limit:
-            self._limit = limit
-            for drive in self._drives:
-                drive.setVelocityUpperLimit(0, limit)
+    def _limited(self, commands: np.ndarray, limits: tuple[float, float]) -> None:
+        """One time step with the speeds of the drives limited."""
+        for drive, limit in zip(self._drives, limits, strict=True):
+            drive.setVelocityUpperLimit(0, limit)
         self.hand.setCommands(commands)
         self.step()
+
+    def squeezes(self) -> bool:
+        """Whether both fingers met the object in the last step."""
+        _, left, right = self._hand_bodies
+        touches = self.world.getLastCollisionResult().inCollision
+        return bool(touches(left) and touches(right))
 
     def touched(self) -> bool:
         """Whether palm or fingers met the object in the last step; at less cost than `hand_touches_object`."""
