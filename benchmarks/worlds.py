@@ -55,10 +55,10 @@ class WatchedWorld(GraspWorld):
 
     def forget(self, q: np.ndarray) -> None:
         """Begin anew, with the hand at pose q."""
-        self._T_hand, self._steps = T_world_grasp(q), 0
+        self._T_hand, self._steps, self._deeper = T_world_grasp(q), 0, False
         self.contacts = 0  # most of any step, in all the world
         self.said = 0.0  # deepest contact of hand and object that the detector reported, m
-        self.depth = 0.0  # and as measured, at every look and at every step with a new deepest report
+        self.depth = 0.0  # and as measured, at every look and at the step after a new deepest report
         self.watching = 0.0  # seconds of processor time that all this took
 
     def place_hand(self, q: np.ndarray) -> None:
@@ -66,15 +66,18 @@ class WatchedWorld(GraspWorld):
         self.forget(q)
 
     def step(self) -> None:
+        # Before the step, since a step may be undone (GraspWorld._step).
+        started = time.process_time()
+        if self._deeper or self._steps % self._looks == 0:
+            self.depth = max(self.depth, self._measured())
+        self.watching += time.process_time() - started
         super().step()
         started = time.process_time()
         contacts = self.world.getLastCollisionResult().getContacts()
         self.contacts = max(self.contacts, len(contacts))
         self._steps += 1
         deeper = [c for c in contacts if c.penetrationDepth > max(self.said, NOTHING_M) and _of_hand(c)]
-        self.said = max([self.said, *(c.penetrationDepth for c in deeper)])
-        if deeper or self._steps % self._looks == 0:
-            self.depth = max(self.depth, self._measured())
+        self.said, self._deeper = max([self.said, *(c.penetrationDepth for c in deeper)]), bool(deeper)
         self.watching += time.process_time() - started
 
     def _measured(self) -> float:
