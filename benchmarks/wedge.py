@@ -76,18 +76,12 @@ def _kept(grasper: Grasper, q: np.ndarray, film: bool) -> Result:
         return grasper.run(q, whole=True, film=film)
 
 
-def _heavier(rig: Rig) -> Rig:
-    key = "finger_inertia_kgm2" if Kinematics.from_params(rig.gripper).turns else "finger_mass_kg"
-    return replace(rig, gripper=replace(rig.gripper, **{key: 10 * getattr(rig.gripper, key)}))
-
-
 def main() -> None:
     rig = rig_of(committed())
     rig = replace(rig, attempt=replace(rig.attempt, lift_mm=rig.attempt.lift_speed_mms / 100))
     engines: dict[str, Callable[[Resting, Rig], Callable[..., Result]]] = {
         "DART": lambda resting, rig: functools.partial(Grasper(resting, rig).run, whole=True),
-        "speed limit always kept": lambda resting, rig: functools.partial(_kept, Grasper(resting, rig)),
-        "and 10 times the inertia": lambda resting, rig: functools.partial(_kept, Grasper(resting, _heavier(rig))),
+        "limits always kept": lambda resting, rig: functools.partial(_kept, Grasper(resting, rig)),
         "MuJoCo": lambda resting, rig: MujocoGrasper(resting, rig).run,
     }
     rows = []
