@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 from isolated import Died, isolated
-from objects import committed, cores, resting_objects, rig_of, touching
+from objects import NUDGE, committed, cores, resting_objects, rig_of, touching
 from worlds import WatchedGrasper
 
 from graspfn.evaluation.statistics import paired_difference, proportion
@@ -26,7 +26,6 @@ from graspfn.physics.attempt import Grasper
 from graspfn.physics.world import DETECTORS, Rig
 from graspfn.workflow.seeds import generator
 
-NUDGE = np.array([1e-4, 1e-4, np.radians(0.1)])  # along u and v together as far as the first
 NEARBY = 5  # draws from the cell of a pose
 DEEP_M = 2e-3  # no accepted attempt may have hand and object so deep in each other
 CAPS = "1000 in all and 250 of a pair"  # DART's default, and what its ODE wrapper makes room for

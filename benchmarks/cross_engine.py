@@ -23,7 +23,7 @@ import pandas as pd
 from convex import SOLIDS, convex_objects
 from isolated import Died, isolated
 from mujoco_grasp import ADVISED, MujocoGrasper
-from objects import committed, cores, rig_of, touching
+from objects import NUDGE, committed, cores, rig_of, touching
 
 from graspfn.evaluation.statistics import proportion
 from graspfn.geometry.transforms import apply
@@ -35,7 +35,6 @@ from graspfn.physics.world import Rig
 from graspfn.workflow.seeds import generator
 
 SHUT = 0.01  # of a joint's range short of its stop: nothing is between the fingers
-MOVE = np.array([1e-4, 1e-4, np.radians(0.1)])
 BOOTSTRAPS = 10_000
 DART, MUJOCO = "DART", "MuJoCo"
 MOVED = {DART: "DART, moved", MUJOCO: "MuJoCo, moved"}
@@ -56,7 +55,7 @@ class Compared:
 def compare(name: str, resting: Resting, params: Params, attempts: int) -> Compared:
     rig, rng = rig_of(params), generator(params.seed, "cross_engine", name, "attempts")
     poses = touching(resting, rig, attempts, rng)
-    moved = poses + rng.choice([-1.0, 1.0], poses.shape) * MOVE
+    moved = poses + rng.choice([-1.0, 1.0], poses.shape) * NUDGE
     dart_run = functools.partial(Grasper(resting, rig).run, whole=True)
     mujoco_run = MujocoGrasper(resting, rig).run
     ways: dict[str, tuple[Run, np.ndarray]] = {

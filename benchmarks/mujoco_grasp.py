@@ -31,14 +31,12 @@ class Contact:
 
     stiff_steps: time constant of a contact in time steps, no less than 2; None: MuJoCo's 20 ms. impedance: share of a
     contact's force that is not softness, below 1. impratio: how much harder friction is than the normal force, which
-    holds creep down. cone: elliptic, Coulomb's, or pyramidal.
+    holds creep down.
     """
 
     stiff_steps: float | None = 2.0
     impedance: tuple[float, float] = (0.99, 0.99)
     impratio: float = 100.0
-    cone: str = "elliptic"
-    integrator: str = "Euler"
 
 
 HARD = Contact()  # as near to rigid bodies as the time step allows
@@ -132,7 +130,7 @@ def _mjcf(resting: Resting, points: np.ndarray, k: Kinematics, rig: Rig, contact
     )
     return f"""<mujoco>
       <compiler angle="radian"/>
-      <option timestep="{step}" integrator="{contact.integrator}" cone="{contact.cone}" impratio="{contact.impratio}"
+      <option timestep="{step}" integrator="Euler" cone="elliptic" impratio="{contact.impratio}"
         jacobian="dense" tolerance="1e-12"/>
       <default><geom condim="3" friction="{rig.physics.friction}" solimp="{_text(contact.impedance)} 0.001" {soft}
         contype="0" conaffinity="0"/></default>

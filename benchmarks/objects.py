@@ -28,6 +28,7 @@ from graspfn.workflow.shards import code_digest, shard_key, shard_path
 SPARE = 1.2  # objects drawn for each that is wanted: some never come to rest
 ROOM = Path(graspfn.physics.__file__).parent
 SETTLING = [ROOM / file for file in ("settling.py", "world.py", "bodies.py")]
+NUDGE = np.array([1e-4, 1e-4, np.radians(0.1)])  # a move of a pose that no outcome should depend on: m, m, rad
 NOT_SIMULATED = (Outcome.COLLIDED, Outcome.UNTOUCHED)
 
 

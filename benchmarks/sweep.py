@@ -73,13 +73,11 @@ def study(name: str, resting: Resting, rig: Rig, plan: Plan, attempts: int, seed
     q = robust_best_grasp(f, SIGMA.uv_m, SIGMA.theta_rad, plan, generator(seed, "sweep", name, "plan"))
     grasper, rng = Grasper(resting, rig), generator(seed, "sweep", name, "trials")
     held = [grasper.run(SIGMA.reached(q, rng)).held for _ in range(TRIALS)]
-    account = labels.account
-    simulated = sum(account[outcome] for outcome in ("held", "left", "missed", "diverged"))
     return {
         "object": name,
         "sure": labels.successes.max() == attempts,
         "robust": float(np.mean(held)),
-        "held": account["held"] / max(simulated, 1),
+        "held": labels.account["held"] / max(labels.simulated, 1),
         "seconds": seconds,
     }
 

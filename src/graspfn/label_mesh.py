@@ -17,7 +17,7 @@ from graspfn.meshes.mass import mass_properties
 from graspfn.meshes.placed import RESTING, Resting
 from graspfn.meshes.reading import read_mesh
 from graspfn.params import Compute, Params
-from graspfn.physics.labelling import ENDS, Labels, joined, label_object
+from graspfn.physics.labelling import Labels, joined, label_object
 from graspfn.physics.settling import settle
 from graspfn.physics.world import GraspWorld, Rig
 from graspfn.reporting.figures_functions import draw_grasp_function
@@ -75,14 +75,13 @@ def label_mesh(path: Path, out: Path, params: Params, seed: int, size_cm: float 
     film = film_best_grasp(path.stem, resting, labels.successes, rig)
     if film:
         (out / FILM).write_bytes(png_bytes(draw_simulated_grasp(film_scenes(film))))
-    simulated = sum(labels.account[end] for end in ENDS)
     account = about | {
-        "account": {"attempts": attempts * f.size, "simulated": simulated} | labels.account,
+        "account": {"attempts": attempts * f.size, "simulated": labels.simulated} | labels.account,
         "poses": {"all": f.size, "ever_held": int((f > 0).sum()), "always_held": int((f == 1).sum())},
         "seconds": round(seconds, 2),
         "core_seconds": round(core_s, 2),  # in which one core would have done it
         "attempts_per_s": round(attempts * f.size / seconds, 1),
-        "simulated_per_core_s": round(simulated / core_s, 1),
+        "simulated_per_core_s": round(labels.simulated / core_s, 1),
         "files": [str(out / name) for name in (LABELS, ACCOUNT, MESH, DEPTH, FUNCTION, *([FILM] if film else []))],
     }
     (out / ACCOUNT).write_text(json.dumps(account, indent=1) + "\n")
