@@ -94,7 +94,9 @@ def test_attempts_that_run_away_once_are_labelled_as_at_half_the_step(run_away: 
     check_sums(found, found.successes.size)
     assert found.account["held"] > 0 and found.account["diverged"] == 0
     assert found.account[RETRIED] >= found.account["held"] + found.account["left"]
-    assert np.array_equal(found.successes, expected.successes)
+    draws = grid.sample_cells(1, np.random.default_rng(0))[:, :, ONE_ANGLE, 0]
+    for q in draws[found.successes != expected.successes]:  # as the fingers meet before the hand sets off
+        assert Grasper(SMALL, RIG).run(q).outcome is Outcome.MISSED
 
 
 def test_attempts_that_run_away_twice_are_counted_and_never_labelled(run_away: Callable[[float], None]) -> None:

@@ -57,9 +57,10 @@ class Result:
 # Early stops. Each waits until nothing can change any more: they save time, not outcomes (docs/physics.md).
 CHECK_S = LOOK_MS / 1e3  # states are looked at this often
 LOST_S = 0.050  # no touch for so long while the hand rises
-WATCH, HALF = 2, 5  # every 2nd look, how the object moves in the hand is compared over twice 5 of these
-GRIP_M = 0.1e-3  # it stays there if it will move no farther than this until the top
-LEVER_M = 0.1  # from its centre of mass to where turning counts, about as far as an object reaches
+HALF = 5  # looks: how far the object moves in the hand is compared over twice so many
+GRIP_M = 0.2e-3  # it stays there if it will move no farther than this until the top
+# An object's centre of mass and, where turning counts, points 10 cm along its axes: about as far as an object reaches.
+LEVERS = np.vstack([[0, 0, 0, 1], np.eye(4)[:3] * 0.1 + [0, 0, 0, 1]])
 CLOSED = 1e-4  # of a joint's range short of its stop
 CLEAR_M = 5e-3  # an object is off the table from here: landing bodies bounce by less
 RISE_M = 0.010  # steps by which the hand is tried on its way up: fingers are thicker than they widen over one
@@ -185,10 +186,9 @@ class Grasper:
             lost = 0.0 if self.world.touched() else lost + CHECK_S
             if lost >= LOST_S and self._passes_by():
                 return Outcome.LEFT, True
-            if left % WATCH == 0:
-                grips.append(self._grip())
-                if len(grips) > 2 * HALF and _yet_to_move(grips, left) < GRIP_M and self._off_the_table():
-                    return Outcome.HELD, True
+            grips.append(self._grip())
+            if len(grips) > 2 * HALF and _yet_to_move(grips, left) < GRIP_M and self._off_the_table():
+                return Outcome.HELD, True
         held = self._off_the_table() and self.world.hand_touches_object()
         return Outcome.HELD if held else Outcome.LEFT, False
 
@@ -196,10 +196,10 @@ class Grasper:
         return self.world.lowest_point() > CLEAR_M
 
     def _grip(self) -> np.ndarray:
-        """(4, 3) points of the object seen from the hand: its centre of mass and LEVER_M along its axes."""
-        T = self.world.object_pose()
-        centre = T[:3, 3] - [0, 0, self.world.hand.getPosition(0)]
-        return np.vstack([centre, centre + LEVER_M * T[:3, :3].T])
+        """(4, 3) LEVERS of the object, seen from the hand."""
+        points = LEVERS @ self.world.object_pose()[:3].T
+        points[:, 2] -= self.world.hand.getPosition(0)
+        return points
 
 
 def _yet_to_move(grips: Sequence[np.ndarray], left: int) -> float:
@@ -209,5 +209,5 @@ def _yet_to_move(grips: Sequence[np.ndarray], left: int) -> float:
     """
     before, now = (float(np.abs(grips[i + HALF] - grips[i]).max()) for i in (0, HALF))
     ratio = max(now / before, 0.5) if now < before else 1.0  # not trusted to stop at once
-    terms = left / (WATCH * HALF)
+    terms = left / HALF
     return now * (terms if ratio == 1.0 else ratio * (1 - ratio**terms) / (1 - ratio))

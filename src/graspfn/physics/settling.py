@@ -11,12 +11,12 @@ from scipy.spatial.transform import Rotation
 from graspfn.geometry.transforms import apply
 from graspfn.meshes.placed import RESTING
 from graspfn.params import Physics, Settle
-from graspfn.physics.world import Diverged, TableWorld
+from graspfn.physics.world import SLOP_M, Diverged, TableWorld
 
 LOOK_S = 0.020
 REST_S = 0.2  # slower than the limits below for so long: at rest
 REST_M_S, REST_RAD_S = 2e-3, 2e-2
-SUNK_M = 1e-4  # deeper in the table, it is still being pushed out
+SUNK_M = 2 * SLOP_M  # deeper in the table, it is still being pushed out
 FAR_M = 1.0
 ROLLING_S = 1.0  # time constant of the resistance that stops a rolling body; rigid contacts have none
 

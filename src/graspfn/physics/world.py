@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+import functools
 from dataclasses import dataclass
 
 import dartpy as dart
@@ -23,6 +25,8 @@ DETECTORS = {
 }
 State = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, bool]
 RESERVE = 100, 1e-9, 1e-6  # iterations at most, and the changes, absolute and relative, that end them before
+SLOP_M = 1e-4  # contacts as deep as this are left so: pushed out to the surface, they would come and go
+LET_GO = np.inf, np.inf  # no limits of the drives' speeds
 RUNAWAY_M_S = 10.0  # an object has no more than the energy of this speed and the work of the fingers
 
 
@@ -39,6 +43,18 @@ class Rig:
     attempt: Attempt
 
 
+@functools.cache
+def _leave_slop() -> None:
+    """Leave SLOP_M in all contacts of this process: a static member of DART's that dartpy does not bind."""
+    name = "_ZN4dart10constraint17ContactConstraint17setErrorAllowanceEd"
+    try:
+        set_allowance = ctypes.CDLL(dart.__file__)[name]
+    except AttributeError:
+        raise ImportError(f"{dart.__file__} does not export {name}: it takes dartpy 6.20 of Linux or macOS") from None
+    set_allowance.argtypes, set_allowance.restype = [ctypes.c_double], None
+    set_allowance(SLOP_M)
+
+
 class TableWorld:
     """One object on a table. States are restored, never rebuilt.
 
@@ -47,6 +63,7 @@ class TableWorld:
     """
 
     def __init__(self, mesh: trimesh.Trimesh, physics: Physics, collision: trimesh.Trimesh | None = None):
+        _leave_slop()
         self.world = dart.simulation.World("grasp")
         self.world.setTimeStep(physics.time_step_ms / 1e3)
         self.world.setGravity([0, 0, -9.81])
@@ -122,6 +139,7 @@ class GraspWorld(TableWorld):
         self._add(self.hand)
         self._hand_bodies = self.hand.getBodyNodes()
         self._drives = self.hand.getJoints()[1:]
+        self._limits = LET_GO
         self.spurt = self.kinematics.acceleration * self.time_step
         for body in self._hand_bodies:
             self._filter.addBodyNodePairToBlackList(self._sole, body)
@@ -181,21 +199,22 @@ class GraspWorld(TableWorld):
         fingers may escape, and fingers that follow no faster than their drives allow would hardly press on it. So they
         are let go, and the step is taken again where friction did not hold them (docs/physics.md).
         """
-        _, left, right = self.hand.getVelocities().tolist()
-        limits = min(left + self.spurt, self.speed), min(right + self.spurt, self.speed)
+        left, right = self._drives
+        limits = min(left.getVelocity(0) + self.spurt, self.speed), min(right.getVelocity(0) + self.spurt, self.speed)
         if self._squeezed:
             before = self.state()
-            self._limited(commands, (np.inf, np.inf))
-            _, left, right = self.hand.getVelocities().tolist()
-            if left <= limits[0] and right <= limits[1]:
+            self._limited(commands, LET_GO)
+            if left.getVelocity(0) <= limits[0] and right.getVelocity(0) <= limits[1]:
                 return
             self.restore(before)
         self._limited(commands, limits)
 
     def _limited(self, commands: np.ndarray, limits: tuple[float, float]) -> None:
         """One time step with the speeds of the drives limited."""
-        for drive, limit in zip(self._drives, limits, strict=True):
-            drive.setVelocityUpperLimit(0, limit)
+        if limits != self._limits:
+            for drive, limit in zip(self._drives, limits, strict=True):
+                drive.setVelocityUpperLimit(0, limit)
+            self._limits = limits
         self.hand.setCommands(commands)
         self.step()
 
