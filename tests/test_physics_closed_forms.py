@@ -16,7 +16,7 @@ from graspfn.meshes.placed import Resting
 from graspfn.params import Gripper
 from graspfn.physics.attempt import Grasper
 from graspfn.physics.gripper import Kinematics, Revolute
-from graspfn.physics.world import Rig, TableWorld
+from graspfn.physics.world import SLOP_M, Rig, TableWorld
 
 RIG = Rig(PHYSICS, GRIPPER, ATTEMPT)
 # Drives without friction of their own, whose grip is decided.
@@ -86,6 +86,17 @@ def test_a_taper_holds_within_the_friction_cone(friction: float, taper: float, h
     end = Grasper(resting, rig).run(np.zeros(3), whole=True, film=True).frames[-1]
     moved = np.hypot(*(end.T_world_object - resting.T_world_object)[:2, 3])
     assert bool(moved < 0.005) is holds
+
+
+@pytest.mark.parametrize("depth", [5e-5, 2e-4], ids=["shallow", "deep"])
+def test_contacts_are_pushed_out_as_far_as_the_slop(depth: float) -> None:
+    """DART takes 1% off what is deeper in each step. Pushed out to the surface, contacts come and go."""
+    world = TableWorld(trimesh.creation.box([EDGE, EDGE, EDGE]), PHYSICS)
+    world.place_object(translation(0, 0, EDGE / 2 - depth))
+    for _ in range(200):
+        world.step()
+    left = min(depth, SLOP_M) + max(depth - SLOP_M, 0) * 0.99**200
+    assert -world.lowest_point() == pytest.approx(left, rel=0.01)
 
 
 def test_free_fall() -> None:

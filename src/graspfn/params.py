@@ -131,7 +131,7 @@ class Physics:
     detector: Annotated[str, Key("DART collision detector", one_of=("ode", "fcl", "bullet", "dart"))]
     friction: Annotated[float, Key("Coulomb coefficient of every contact", above=0)]
     density_kgm3: Annotated[float, Key("object density, kg/m^3", above=0)]
-    reference: Annotated[bool, Key("labels without culling or early stops, ten times slower: to check them")]
+    reference: Annotated[bool, Key("labels without culling or early stops, forty times slower: to check them")]
 
 
 @dataclass(frozen=True)
