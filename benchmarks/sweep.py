@@ -117,6 +117,7 @@ def main() -> None:
             }
         )
         print(pd.DataFrame(rows[-1:]).to_string(index=False, header=len(rows) == 1), flush=True)
+        print("  none always holds: " + (", ".join(table["object"][~table["sure"]]) or "-"), flush=True)
 
 
 if __name__ == "__main__":
