@@ -73,8 +73,10 @@ def study(name: str, resting: Resting, rig: Rig, plan: Plan, attempts: int, seed
     q = robust_best_grasp(f, SIGMA.uv_m, SIGMA.theta_rad, plan, generator(seed, "sweep", name, "plan"))
     grasper, rng = Grasper(resting, rig), generator(seed, "sweep", name, "trials")
     held = [grasper.run(SIGMA.reached(q, rng)).held for _ in range(TRIALS)]
+    height = float(np.ptp(apply(resting.T_world_object, resting.mesh.vertices)[:, 2]))
     return {
         "object": name,
+        "low": height < grasper.world.kinematics.height,
         "sure": labels.successes.max() == attempts,
         "robust": float(np.mean(held)),
         "held": labels.account["held"] / max(labels.simulated, 1),
@@ -117,7 +119,9 @@ def main() -> None:
             }
         )
         print(pd.DataFrame(rows[-1:]).to_string(index=False, header=len(rows) == 1), flush=True)
-        print("  none always holds: " + (", ".join(table["object"][~table["sure"]]) or "-"), flush=True)
+        low = table[table["low"]]
+        print(f"  lower than the palm: {low['sure'].sum()} of {len(low)}, {low['robust'].mean():.2f}; ", end="")
+        print("no pose always holds " + (", ".join(table["object"][~table["sure"]]) or "none"), flush=True)
 
 
 if __name__ == "__main__":
