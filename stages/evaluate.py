@@ -10,7 +10,7 @@ import pandas as pd
 from graspfn.evaluation.trials import Bench, Sigma, trials_of_object
 from graspfn.geometry.camera import Intrinsics
 from graspfn.imaging.noise import observe
-from graspfn.meshes.placed import Resting, load_resting, read_resting
+from graspfn.meshes.placed import Resting, load_resting, resting_rows
 from graspfn.params import Declared, Plan
 from graspfn.physics.world import Rig
 from graspfn.workflow.files import keep_only, read_npz, write_parquet
@@ -47,7 +47,7 @@ def main(params: Declared) -> None:
     rig = Rig(params.physics, params.gripper, params.attempt)
     images = np.load(IMAGES / "test.npy", mmap_mode="r")
     index = pd.read_parquet(IMAGES / "test.parquet").set_index("id")
-    placed = {row["id"]: row for row in read_resting(PLACED).to_dict("records")}
+    placed = resting_rows(PLACED)
     keep_only(FUNCTIONS, [f"{network}.npz" for network in params.networks])
     functions = {network: read_npz(FUNCTIONS / f"{network}.npz")["scores"] for network in params.networks}
 

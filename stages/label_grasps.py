@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from graspfn.geometry.grid import SHAPE
-from graspfn.meshes.placed import Resting, load_resting, read_resting
+from graspfn.meshes.placed import Resting, load_resting, resting_rows
 from graspfn.params import Declared
 from graspfn.physics.labelling import Labels, joined, label_object
 from graspfn.physics.world import Rig
@@ -34,7 +34,7 @@ def label_part(name: str, angle: int, resting: Resting, attempts: int, rig: Rig,
 def main(params: Declared) -> None:
     attempts, rig = params.label.attempts, Rig(params.physics, params.gripper, params.attempt)
     code = code_digest("workflow", "geometry", "meshes", "physics")
-    placed = {row["id"]: row for row in read_resting(PLACED).to_dict("records")}
+    placed = resting_rows(PLACED)
     shards = {}
     for name, row in placed.items():
         files = [folder / f"{name}.ply" for folder in (MESHES, COLLISION)]

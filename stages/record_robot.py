@@ -15,7 +15,7 @@ from graspfn.imaging.render import renderer
 from graspfn.learning.device import pick_device
 from graspfn.learning.prediction import predict
 from graspfn.learning.weights import load_network
-from graspfn.meshes.placed import load_resting, read_resting
+from graspfn.meshes.placed import load_resting, resting_rows
 from graspfn.meshes.store import read_manifest
 from graspfn.params import Declared
 from graspfn.physics.world import Rig
@@ -34,7 +34,7 @@ COLLISION, NETWORKS, OUT = Path("data/collision/test"), Path("data/networks"), P
 def robot_objects(params: Declared) -> list[dict[Hashable, Any]]:
     """Lines of placed objects: the first that rest in the order of selection, which takes classes in turn."""
     order = read_manifest(MESHES).sort_values("seed_index")["id"].tolist()
-    placed = {row["id"]: row for row in read_resting(PLACED).to_dict("records")}
+    placed = resting_rows(PLACED)
     return [placed[name] for name in order if name in placed][: params.robot.objects]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -50,6 +50,11 @@ def read_resting(path: Path) -> pd.DataFrame:
     """The objects that came to rest, sorted by id."""
     table = pd.read_parquet(path)
     return table[table["status"] == RESTING].reset_index(drop=True)
+
+
+def resting_rows(path: Path) -> dict[str, dict[Hashable, Any]]:
+    """Lines of the objects that came to rest, by id and in its order."""
+    return {row["id"]: row for row in read_resting(path).to_dict("records")}
 
 
 def T_world_object(row: Mapping[Any, Any]) -> np.ndarray:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import enum
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -75,6 +74,8 @@ class Grasper:
         self.world = GraspWorld(resting, rig.physics, rig.gripper)
         self._every = max(1, round(CHECK_S / self.world.time_step))
         self._free = self._free_closing()
+        kinematics = self.world.kinematics
+        self._stride = max(1, int(kinematics.thickness / 2 / (kinematics.arm * kinematics.speed * CHECK_S)))
 
     def run(self, q: np.ndarray, whole: bool | None = None, film: bool = False) -> Result:
         """Attempt a grasp at pose q = (u, v, theta), metres and radians.
@@ -124,19 +125,34 @@ class Grasper:
     def _approach(self) -> bool:
         """Go to the state just before the closing fingers touch the object; False, shut, if they never do.
 
-        Until then hand and object move as if the other was not there, so nothing need be simulated. Fingers are
-        thicker than they move between two looks, so that no part of the object can pass through unseen.
+        Until then hand and object move as if the other was not there, so nothing need be simulated.
         """
-        before = self._free[0]
-        for state in self._free[1:]:
-            self.world.restore(state)
-            if self.world.hand_touches_object():
-                self.world.restore(before)
-                return True
-            before = state
-            self._clock += CHECK_S
-            self._show()
-        return False
+        touch = self._first_touch()
+        before = self._free[:touch]
+        if self._frames is not None:
+            for state in before[1:]:
+                self.world.restore(state)
+                self._clock += CHECK_S
+                self._show()
+        self.world.restore(before[-1])
+        self._clock = (len(before) - 1) * CHECK_S
+        return touch is not None
+
+    def _first_touch(self) -> int | None:
+        """The look at which the closing fingers first touch the object; None if they never do.
+
+        Between two looks that are tried, fingers move by half their thickness: nothing passes through them unseen.
+        """
+        far, last = 0, len(self._free) - 1
+        while far < last:
+            near, far = far, min(far + self._stride, last)
+            if self._touches_at(far):
+                return next(look for look in range(near + 1, far + 1) if self._touches_at(look))
+        return None
+
+    def _touches_at(self, look: int) -> bool:
+        self.world.restore(self._free[look])
+        return self.world.hand_touches_object()
 
     def _advance(self, rise: float) -> None:
         """Run until the next look at the state."""
@@ -177,7 +193,8 @@ class Grasper:
         """Raise the hand: held, if the object is off the table and in the gripper at the top; and whether early."""
         speed = self.attempt.lift_speed_mms / 1e3
         looks = round(self.attempt.lift_mm / 1e3 / speed / CHECK_S)
-        grips: deque[np.ndarray] = deque(maxlen=2 * HALF + 1)
+        grips: deque[np.ndarray] = deque(maxlen=HALF + 1)
+        moves: deque[float] = deque(maxlen=HALF + 1)  # of the object in the hand, over HALF looks
         lost = 0.0
         for left in reversed(range(looks)):
             self._advance(speed)
@@ -187,7 +204,9 @@ class Grasper:
             if lost >= LOST_S and self._passes_by():
                 return Outcome.LEFT, True
             grips.append(self._grip())
-            if len(grips) > 2 * HALF and _yet_to_move(grips, left) < GRIP_M and self._off_the_table():
+            if len(grips) > HALF:
+                moves.append(float(np.abs(grips[-1] - grips[0]).max()))
+            if len(moves) > HALF and _yet_to_move(moves[0], moves[-1], left) < GRIP_M and self._off_the_table():
                 return Outcome.HELD, True
         held = self._off_the_table() and self.world.hand_touches_object()
         return Outcome.HELD if held else Outcome.LEFT, False
@@ -202,12 +221,12 @@ class Grasper:
         return points
 
 
-def _yet_to_move(grips: Sequence[np.ndarray], left: int) -> float:
+def _yet_to_move(before: float, now: float, left: int) -> float:
     """How far a grip will move in the looks that are left, if it goes on slowing down as it does, metres.
 
-    What creeps is mostly DART's correction of penetrations, which dies away exponentially.
+    before, now: how far it moved over HALF looks and over the HALF after them. What creeps is mostly DART's correction
+    of penetrations, which dies away exponentially.
     """
-    before, now = (float(np.abs(grips[i + HALF] - grips[i]).max()) for i in (0, HALF))
     ratio = max(now / before, 0.5) if now < before else 1.0  # not trusted to stop at once
     terms = left / HALF
     return now * (terms if ratio == 1.0 else ratio * (1 - ratio**terms) / (1 - ratio))

@@ -107,7 +107,9 @@ def hand(k: Kinematics) -> dart.dynamics.Skeleton:
             joint.setAxis([-side, 0, 0])
             _add_box(finger, size, centre, mass=k.inertia)
         joint.setTransformFromParentBodyNode(_isometry(k.finger(side, 0.0)[:3, 3]))
-        joint.setActuatorType(dart.dynamics.ActuatorType.FORCE)
+        # Commanded a speed, such a drive spends all of its effort to reach it, and what it takes not to exceed it.
+        joint.setActuatorType(dart.dynamics.ActuatorType.SERVO)
+        joint.setForceUpperLimit(0, k.effort)
         # Two fingers under equal efforts are in balance wherever they stand: without the friction of their drives the
         # pair drifts sideways with the object.
         joint.setCoulombFriction(0, k.friction)

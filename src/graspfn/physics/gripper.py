@@ -27,6 +27,7 @@ class Kinematics(ABC):
     effort: float  # closing torque or force on each finger
     friction: float  # of each drive, in the unit of the effort
     speed: float  # of the joints, the most that the drives allow
+    arm: float  # metres that a fingertip moves by as its joint moves by one
     acceleration: float  # likewise
     inertia: float  # of a finger: a moment or a mass
 
@@ -75,7 +76,7 @@ class Revolute(Kinematics):
         deepest = np.max(self.length * np.cos(sweep) + self.thickness / 2 * np.abs(np.sin(sweep)))
         self.height = float(deepest) + gripper.clearance_mm / 1e3
         self.effort, self.friction = gripper.torque_nm, gripper.gear_friction_nm
-        self.speed = gripper.closing_speed_rads
+        self.speed, self.arm = gripper.closing_speed_rads, self.length
         self.acceleration = self.speed / START_S
         self.inertia = gripper.finger_inertia_kgm2
 
@@ -111,7 +112,7 @@ class Prismatic(Kinematics):
         self.open, self.closed = 0.0, gripper.opening_mm / 2e3
         self.height = self.length + gripper.clearance_mm / 1e3
         self.effort, self.friction = gripper.force_n, gripper.drive_friction_n
-        self.speed = gripper.closing_speed_mms / 1e3
+        self.speed, self.arm = gripper.closing_speed_mms / 1e3, 1.0
         self.acceleration = self.speed / START_S
         self.inertia = gripper.finger_mass_kg
 

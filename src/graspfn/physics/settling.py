@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 from graspfn.geometry.transforms import apply
 from graspfn.meshes.placed import RESTING
 from graspfn.params import Physics, Settle
-from graspfn.physics.world import SLOP_M, Diverged, TableWorld
+from graspfn.physics.contacts import SLOP_M
+from graspfn.physics.world import Diverged, TableWorld
 
 LOOK_S = 0.020
 REST_S = 0.2  # slower than the limits below for so long: at rest

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
-import functools
 from dataclasses import dataclass
 
 import dartpy as dart
@@ -14,7 +12,7 @@ from graspfn.geometry.transforms import T_world_grasp, apply
 from graspfn.meshes.mass import solid
 from graspfn.meshes.placed import Resting
 from graspfn.params import Attempt, Gripper, Physics
-from graspfn.physics import bodies
+from graspfn.physics import bodies, contacts
 from graspfn.physics.gripper import Kinematics
 
 DETECTORS = {
@@ -25,8 +23,7 @@ DETECTORS = {
 }
 State = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, bool]
 RESERVE = 100, 1e-9, 1e-6  # iterations at most, and the changes, absolute and relative, that end them before
-SLOP_M = 1e-4  # contacts as deep as this are left so: pushed out to the surface, they would come and go
-LET_GO = np.inf, np.inf  # no limits of the drives' speeds
+LET_GO = 1e6  # rad/s or m/s, to which no effort brings a finger in a step
 RUNAWAY_M_S = 10.0  # an object has no more than the energy of this speed and the work of the fingers
 
 
@@ -43,18 +40,6 @@ class Rig:
     attempt: Attempt
 
 
-@functools.cache
-def _leave_slop() -> None:
-    """Leave SLOP_M in all contacts of this process: a static member of DART's that dartpy does not bind."""
-    name = "_ZN4dart10constraint17ContactConstraint17setErrorAllowanceEd"
-    try:
-        set_allowance = ctypes.CDLL(dart.__file__)[name]
-    except AttributeError:
-        raise ImportError(f"{dart.__file__} does not export {name}: it takes dartpy 6.20 of Linux or macOS") from None
-    set_allowance.argtypes, set_allowance.restype = [ctypes.c_double], None
-    set_allowance(SLOP_M)
-
-
 class TableWorld:
     """One object on a table. States are restored, never rebuilt.
 
@@ -63,7 +48,7 @@ class TableWorld:
     """
 
     def __init__(self, mesh: trimesh.Trimesh, physics: Physics, collision: trimesh.Trimesh | None = None):
-        _leave_slop()
+        contacts.leave_slop()
         self.world = dart.simulation.World("grasp")
         self.world.setTimeStep(physics.time_step_ms / 1e3)
         self.world.setGravity([0, 0, -9.81])
@@ -132,14 +117,15 @@ class GraspWorld(TableWorld):
 
     def __init__(self, resting: Resting, physics: Physics, gripper: Gripper):
         super().__init__(resting.mesh, physics, resting.collision)
+        if physics.detector == "ode":
+            contacts.thin_out()
         self.kinematics = Kinematics.from_params(gripper)
         self.effort, self.speed = self.kinematics.effort, self.kinematics.speed
         self.max_energy += 2 * self.effort * (self.kinematics.closed - self.kinematics.open)
         self.hand = bodies.hand(self.kinematics)
         self._add(self.hand)
         self._hand_bodies = self.hand.getBodyNodes()
-        self._drives = self.hand.getJoints()[1:]
-        self._limits = LET_GO
+        self._joints = self.hand.getJoints()
         self.spurt = self.kinematics.acceleration * self.time_step
         for body in self._hand_bodies:
             self._filter.addBodyNodePairToBlackList(self._sole, body)
@@ -187,35 +173,31 @@ class GraspWorld(TableWorld):
 
     def drive(self, rise: float, steps: int = 1) -> None:
         """Time steps with the effort on both fingers, no faster than drives allow, the hand rising at `rise` (m/s)."""
-        commands = np.array([rise, self.effort, self.effort])
         for _ in range(steps):
-            self._step(commands)
+            self._step(rise)
             self._squeezed = self.squeezes()
 
-    def _step(self, commands: np.ndarray) -> None:
+    def _step(self, rise: float) -> None:
         """One time step.
 
         DART bounds friction by the normal forces that there would be without it. Without it an object between two
         fingers may escape, and fingers that follow no faster than their drives allow would hardly press on it. So they
         are let go, and the step is taken again where friction did not hold them (docs/physics.md).
         """
-        left, right = self._drives
+        _, left, right = self._joints
         limits = min(left.getVelocity(0) + self.spurt, self.speed), min(right.getVelocity(0) + self.spurt, self.speed)
         if self._squeezed:
             before = self.state()
-            self._limited(commands, LET_GO)
+            self._commanded(rise, LET_GO, LET_GO)
             if left.getVelocity(0) <= limits[0] and right.getVelocity(0) <= limits[1]:
                 return
             self.restore(before)
-        self._limited(commands, limits)
+        self._commanded(rise, *limits)
 
-    def _limited(self, commands: np.ndarray, limits: tuple[float, float]) -> None:
-        """One time step with the speeds of the drives limited."""
-        if limits != self._limits:
-            for drive, limit in zip(self._drives, limits, strict=True):
-                drive.setVelocityUpperLimit(0, limit)
-            self._limits = limits
-        self.hand.setCommands(commands)
+    def _commanded(self, *speeds: float) -> None:
+        """One time step with the speeds of hand, left and right finger commanded."""
+        for joint, speed in zip(self._joints, speeds, strict=True):
+            joint.setCommand(0, speed)
         self.step()
 
     def squeezes(self) -> bool:
@@ -226,5 +208,7 @@ class GraspWorld(TableWorld):
 
     def touched(self) -> bool:
         """Whether palm or fingers met the object in the last step; at less cost than `hand_touches_object`."""
+        if self._squeezed:
+            return True
         result = self.world.getLastCollisionResult()
         return any(result.inCollision(body) for body in self._hand_bodies)

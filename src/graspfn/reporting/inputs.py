@@ -13,7 +13,7 @@ import pandas as pd
 from graspfn.geometry.camera import Intrinsics
 from graspfn.imaging.holes import fill_holes
 from graspfn.imaging.noise import observe
-from graspfn.meshes.placed import load_resting, read_resting
+from graspfn.meshes.placed import load_resting, read_resting, resting_rows
 from graspfn.meshes.store import read_manifest
 from graspfn.physics.world import Rig
 from graspfn.reporting.figures_images import ExecutedGrasp
@@ -130,7 +130,7 @@ def _film(data: Path, labels: Mapping[str, np.ndarray], first: str, params: Any)
     total = labels["successes"].reshape(len(labels["ids"]), -1).sum(axis=1, dtype=int)
     names = [str(labels["ids"][i]) for i in np.argsort(-total, kind="stable") if total[i]]
     names.sort(key=lambda name: name != first)
-    placed = {row["id"]: row for row in read_resting(data / "placed/train.parquet").to_dict("records")}
+    placed = resting_rows(data / "placed/train.parquet")
     rig = Rig(params.physics, params.gripper, params.attempt)
     place = {str(name): i for i, name in enumerate(labels["ids"])}
     for name in names:
