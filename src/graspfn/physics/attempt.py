@@ -58,8 +58,7 @@ CHECK_S = LOOK_MS / 1e3  # states are looked at this often
 LOST_S = 0.050  # no touch for so long while the hand rises
 HALF = 5  # looks: how far the object moves in the hand is compared over twice so many
 GRIP_M = 0.2e-3  # it stays there if it will move no farther than this until the top
-# An object's centre of mass and, where turning counts, points 10 cm along its axes: about as far as an object reaches.
-LEVERS = np.vstack([[0, 0, 0, 1], np.eye(4)[:3] * 0.1 + [0, 0, 0, 1]])
+LEVER_M = np.array([0.1, 0.1, 0.1, 1, 1, 1])  # turning counts 10 cm from the axis: about as far as an object reaches
 CLOSED = 1e-4  # of a joint's range short of its stop
 CLEAR_M = 5e-3  # an object is off the table from here: landing bodies bounce by less
 RISE_M = 0.010  # steps by which the hand is tried on its way up: fingers are thicker than they widen over one
@@ -215,10 +214,13 @@ class Grasper:
         return self.world.lowest_point() > CLEAR_M
 
     def _grip(self) -> np.ndarray:
-        """(4, 3) LEVERS of the object, seen from the hand."""
-        points = LEVERS @ self.world.object_pose()[:3].T
-        points[:, 2] -= self.world.hand.getPosition(0)
-        return points
+        """(6,) rotation vector of the object, by LEVER_M, and its place in the hand, metres.
+
+        Rotation vectors differ by no less than the turn between them: none is overlooked.
+        """
+        grip = self.world.object.getPositions() * LEVER_M
+        grip[5] -= self.world.hand.getPosition(0)
+        return grip
 
 
 def _yet_to_move(before: float, now: float, left: int) -> float:

@@ -69,7 +69,7 @@ class TableWorld:
         self.points = bodies.sole(mesh)
         self.object = bodies.free_object(mesh, collision, self.points, physics.density_kgm3)
         self.table = bodies.table()
-        self._closed = solid(mesh) is mesh
+        self._closed, self._bounds = solid(mesh) is mesh, mesh.bounds
         self._body, self._sole = self.object.getBodyNodes()
         self.max_energy = self.object.getMass() * RUNAWAY_M_S**2 / 2
         for skeleton in (self.table, self.object):
@@ -125,7 +125,6 @@ class GraspWorld(TableWorld):
         self.hand = bodies.hand(self.kinematics)
         self._add(self.hand)
         self._hand_bodies = self.hand.getBodyNodes()
-        self._joints = self.hand.getJoints()
         self.spurt = self.kinematics.acceleration * self.time_step
         for body in self._hand_bodies:
             self._filter.addBodyNodePairToBlackList(self._sole, body)
@@ -143,20 +142,20 @@ class GraspWorld(TableWorld):
         """Put the hand, fingers open and at rest, at pose q = (u, v, theta)."""
         self.hand.getJoint(0).setTransformFromParentBodyNode(dart.math.Isometry3(T_world_grasp(q)))
         self.hand.setPositions([0.0, self.kinematics.open, self.kinematics.open])
-        self.hand.setVelocities(np.zeros(3))
+        self._speeds = np.zeros(3)
+        self.hand.setVelocities(self._speeds)
         self._squeezed = False
 
     def state(self) -> State:
         """All that the next step depends on, to be restored bit by bit."""
-        hand, body = self.hand, self.object
-        positions = hand.getPositions(), body.getPositions()
-        return *positions, hand.getVelocities(), body.getVelocities(), self._squeezed
+        positions = self.hand.getPositions(), self.object.getPositions()
+        return *positions, self._speeds, self.object.getVelocities(), self._squeezed
 
     def restore(self, state: State) -> None:
-        hand, body, hand_velocities, body_velocities, self._squeezed = state
+        hand, body, self._speeds, body_velocities, self._squeezed = state
         self.hand.setPositions(hand)
         self.object.setPositions(body)
-        self.hand.setVelocities(hand_velocities)
+        self.hand.setVelocities(self._speeds)
         self.object.setVelocities(body_velocities)
 
     def hand_touches_object(self) -> bool:
@@ -167,38 +166,42 @@ class GraspWorld(TableWorld):
         """Whether palm or a finger lies wholly inside a closed object, where no surfaces meet."""
         if not self._closed:
             return False
-        shapes = (body.getShapeNode(0) for body in self.hand.getBodyNodes())
+        shapes = (body.getShapeNode(0) for body in self._hand_bodies)
         centres = np.array([shape.getWorldTransform().translation() for shape in shapes])
-        return bool(self.mesh.contains(apply(np.linalg.inv(self.object_pose()), centres)).any())
+        centres = apply(np.linalg.inv(self.object_pose()), centres)
+        low, high = self._bounds
+        centres = centres[((centres > low) & (centres < high)).all(axis=1)]
+        return len(centres) > 0 and bool(self.mesh.contains(centres).any())
 
     def drive(self, rise: float, steps: int = 1) -> None:
         """Time steps with the effort on both fingers, no faster than drives allow, the hand rising at `rise` (m/s)."""
+        free = np.array([rise, LET_GO, LET_GO])
         for _ in range(steps):
-            self._step(rise)
+            self._step(rise, free)
             self._squeezed = self.squeezes()
 
-    def _step(self, rise: float) -> None:
+    def _step(self, rise: float, free: np.ndarray) -> None:
         """One time step.
 
         DART bounds friction by the normal forces that there would be without it. Without it an object between two
         fingers may escape, and fingers that follow no faster than their drives allow would hardly press on it. So they
         are let go, and the step is taken again where friction did not hold them (docs/physics.md).
         """
-        _, left, right = self._joints
-        limits = min(left.getVelocity(0) + self.spurt, self.speed), min(right.getVelocity(0) + self.spurt, self.speed)
+        _, left, right = self._speeds.tolist()
+        left, right = min(left + self.spurt, self.speed), min(right + self.spurt, self.speed)
         if self._squeezed:
             before = self.state()
-            self._commanded(rise, LET_GO, LET_GO)
-            if left.getVelocity(0) <= limits[0] and right.getVelocity(0) <= limits[1]:
+            self._commanded(free)
+            if self._speeds[1] <= left and self._speeds[2] <= right:
                 return
             self.restore(before)
-        self._commanded(rise, *limits)
+        self._commanded(np.array([rise, left, right]))
 
-    def _commanded(self, *speeds: float) -> None:
+    def _commanded(self, speeds: np.ndarray) -> None:
         """One time step with the speeds of hand, left and right finger commanded."""
-        for joint, speed in zip(self._joints, speeds, strict=True):
-            joint.setCommand(0, speed)
+        self.hand.setCommands(speeds)
         self.step()
+        self._speeds = self.hand.getVelocities()  # asked for once: each call into DART costs a fiftieth of a step
 
     def squeezes(self) -> bool:
         """Whether both fingers met the object in the last step."""
