@@ -23,8 +23,9 @@ from objects import committed, rig_of
 from graspfn.geometry.transforms import translation
 from graspfn.meshes.placed import Resting
 from graspfn.physics.attempt import Grasper, Result
+from graspfn.physics.drives import Drives
 from graspfn.physics.gripper import Kinematics
-from graspfn.physics.world import GraspWorld, Rig
+from graspfn.physics.world import Rig
 
 WIDTH_M, LENGTH_M, HEIGHT_M = 0.045, 0.030, 0.025
 STEEPEST_DEG, HALVINGS = 50.0, 7
@@ -71,8 +72,13 @@ def predicted(mass: float, rig: Rig) -> float:
 
 
 def _kept(grasper: Grasper, q: np.ndarray, film: bool) -> Result:
-    """As if GraspWorld did not let the fingers go when they squeeze an object."""
-    with mock.patch.object(GraspWorld, "squeezes", lambda world: False):
+    """As if the fingers were never let go when they squeeze an object."""
+    run = Drives.run
+
+    def kept(drives: Drives, rise: float, steps: int, squeezed: bool) -> tuple[bool, bool, bool]:
+        return [run(drives, rise, 1, squeezed=False) for _ in range(steps)][-1]
+
+    with mock.patch.object(Drives, "run", kept):
         return grasper.run(q, whole=True, film=film)
 
 

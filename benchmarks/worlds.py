@@ -65,20 +65,20 @@ class WatchedWorld(GraspWorld):
         super().place_hand(q)
         self.forget(q)
 
-    def step(self) -> None:
-        # Before the step, since a step may be undone (GraspWorld._step).
-        started = time.process_time()
-        if self._deeper or self._steps % self._looks == 0:
-            self.depth = max(self.depth, self._measured())
-        self.watching += time.process_time() - started
-        super().step()
-        started = time.process_time()
-        contacts = self.world.getLastCollisionResult().getContacts()
-        self.contacts = max(self.contacts, len(contacts))
-        self._steps += 1
-        deeper = [c for c in contacts if c.penetrationDepth > max(self.said, NOTHING_M) and _of_hand(c)]
-        self.said, self._deeper = max([self.said, *(c.penetrationDepth for c in deeper)]), bool(deeper)
-        self.watching += time.process_time() - started
+    def drive(self, rise: float, steps: int = 1) -> None:
+        for _ in range(steps):
+            started = time.process_time()
+            if self._deeper or self._steps % self._looks == 0:
+                self.depth = max(self.depth, self._measured())
+            self.watching += time.process_time() - started
+            super().drive(rise)
+            started = time.process_time()
+            contacts = self.world.getLastCollisionResult().getContacts()
+            self.contacts = max(self.contacts, len(contacts))
+            self._steps += 1
+            deeper = [c for c in contacts if c.penetrationDepth > max(self.said, NOTHING_M) and _of_hand(c)]
+            self.said, self._deeper = max([self.said, *(c.penetrationDepth for c in deeper)]), bool(deeper)
+            self.watching += time.process_time() - started
 
     def _measured(self) -> float:
         """How deep the deepest point of the object's surface lies in palm or finger, m; 0 where none does.

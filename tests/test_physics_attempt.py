@@ -14,7 +14,7 @@ from graspfn.physics.attempt import Grasper, Outcome
 from graspfn.physics.bodies import sole
 from graspfn.physics.culling import touches_nothing
 from graspfn.physics.settling import settle
-from graspfn.physics.world import Rig, TableWorld
+from graspfn.physics.world import GraspWorld, Rig, TableWorld
 from graspfn.selection import procedural
 from graspfn.selection.collision import collision_mesh
 
@@ -86,13 +86,14 @@ def test_a_finger_wholly_inside_a_solid_collides() -> None:
 @pytest.mark.parametrize("category", ["bottle", "cup"])
 def test_no_accepted_attempt_has_bodies_2_mm_deep_in_each_other(category: str, monkeypatch: pytest.MonkeyPatch) -> None:
     depths: list[float] = []
-    step = TableWorld.step
+    drive = GraspWorld.drive
 
-    def watched(world: TableWorld) -> None:
-        step(world)
-        depths.extend(contact.penetrationDepth for contact in world.world.getLastCollisionResult().getContacts())
+    def watched(world: GraspWorld, rise: float, steps: int = 1) -> None:
+        for _ in range(steps):
+            drive(world, rise)
+            depths.extend(contact.penetrationDepth for contact in world.world.getLastCollisionResult().getContacts())
 
-    monkeypatch.setattr(TableWorld, "step", watched)
+    monkeypatch.setattr(GraspWorld, "drive", watched)
     mesh = procedural.generate(category, np.random.default_rng(0))
     mesh.apply_scale(0.08 / mesh.extents.max())
     mesh.apply_translation(-mesh.center_mass)

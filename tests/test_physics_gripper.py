@@ -133,7 +133,7 @@ def test_grip_force_balances_the_effort_whatever_the_step(gripper: Gripper, step
         for contact in world.world.getLastCollisionResult().getContacts()
         if contact.point[0] > 0.02 and abs(contact.normal[0]) > 0.9
     )
-    assert effort == pytest.approx(world.effort, rel=0.05)
+    assert effort == pytest.approx(world.kinematics.effort, rel=0.05)
 
 
 def test_the_hand_rises_20_cm_at_a_tenth_of_a_metre_per_second() -> None:

@@ -1,7 +1,6 @@
 """Contacts as DART's solver needs them: none pushed out to nothing, none twice (docs/physics.md).
 
-Both take functions of DART's and ODE's that dartpy does not bind: they are called in the library it brings, and hold
-for the whole process.
+Both hold for the whole process.
 """
 
 from __future__ import annotations
@@ -10,9 +9,10 @@ import ctypes
 import functools
 from typing import Any
 
-import dartpy as dart
 import numba
 import numpy as np
+
+from graspfn.physics.native import function
 
 SLOP_M = 1e-4  # contacts as deep as this are left so: pushed out to the surface, they would come and go
 # ODE clips each triangle against a box on its own, and neighbours tell of one contact twice. Rows of the solver's
@@ -29,7 +29,7 @@ POSITION, NORMAL, DEPTH, SIZE = 0, 4, 8, 12
 @functools.cache
 def leave_slop() -> None:
     """Leave SLOP_M in all contacts."""
-    _function(SET_ALLOWANCE, None, ctypes.c_double)(SLOP_M)
+    function(SET_ALLOWANCE, None, ctypes.c_double)(SLOP_M)
 
 
 def thin_out() -> None:
@@ -37,25 +37,15 @@ def thin_out() -> None:
 
     Takes a living detector of ODE's: with the last of them, ODE forgets.
     """
-    override = _function("dSetColliderOverride", None, ctypes.c_int, ctypes.c_int, ctypes.c_void_p)
+    override = function("dSetColliderOverride", None, ctypes.c_int, ctypes.c_int, ctypes.c_void_p)
     override(MESH, BOX, _collide_thinned().address)
-
-
-def _function(name: str, result: type | None, *arguments: type) -> Any:
-    library = ctypes.CDLL(dart.__file__)  # and what that is linked to, ODE among others
-    try:
-        function = library[name]
-    except AttributeError:
-        raise ImportError(f"{dart.__file__} has no {name}: it takes dartpy 6.20 for Linux or macOS") from None
-    function.restype, function.argtypes = result, arguments
-    return function
 
 
 @functools.cache
 def _collide_thinned() -> Any:
     """ODE's collision of a mesh and a box, and `distinct` of what it finds."""
     pointer, integer = ctypes.c_void_p, ctypes.c_int
-    collide = _function(COLLIDE_MESH_AND_BOX, integer, pointer, pointer, integer, pointer, integer)
+    collide = function(COLLIDE_MESH_AND_BOX, integer, pointer, pointer, integer, pointer, integer)
 
     @numba.cfunc("int32(voidptr, voidptr, int32, voidptr, int32)")
     def thinned(mesh, box, flags, contacts, stride):  # type: ignore[no-untyped-def]

@@ -13,6 +13,7 @@ from graspfn.meshes.mass import solid
 from graspfn.meshes.placed import Resting
 from graspfn.params import Attempt, Gripper, Physics
 from graspfn.physics import bodies, contacts
+from graspfn.physics.drives import Drives
 from graspfn.physics.gripper import Kinematics
 
 DETECTORS = {
@@ -23,7 +24,6 @@ DETECTORS = {
 }
 State = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, bool]
 RESERVE = 100, 1e-9, 1e-6  # iterations at most, and the changes, absolute and relative, that end them before
-LET_GO = 1e6  # rad/s or m/s, to which no effort brings a finger in a step
 RUNAWAY_M_S = 10.0  # an object has no more than the energy of this speed and the work of the fingers
 
 
@@ -108,8 +108,12 @@ class TableWorld:
         """One time step. Raises Diverged instead of stepping a state that has run away."""
         # ODE aborts the whole process on such a state, so it never gets to see one. NaN fails the test too.
         if not self.object.computeKineticEnergy() < self.max_energy:
-            raise Diverged(f"object of more than {self.max_energy:.2g} J")
+            raise Diverged(self._run_away)
         self.world.step()
+
+    @property
+    def _run_away(self) -> str:
+        return f"object of more than {self.max_energy:.2g} J"
 
 
 class GraspWorld(TableWorld):
@@ -120,12 +124,12 @@ class GraspWorld(TableWorld):
         if physics.detector == "ode":
             contacts.thin_out()
         self.kinematics = Kinematics.from_params(gripper)
-        self.effort, self.speed = self.kinematics.effort, self.kinematics.speed
-        self.max_energy += 2 * self.effort * (self.kinematics.closed - self.kinematics.open)
+        self.max_energy += 2 * self.kinematics.effort * (self.kinematics.closed - self.kinematics.open)
         self.hand = bodies.hand(self.kinematics)
         self._add(self.hand)
         self._hand_bodies = self.hand.getBodyNodes()
-        self.spurt = self.kinematics.acceleration * self.time_step
+        speed, spurt = self.kinematics.speed, self.kinematics.acceleration * self.time_step
+        self._drives = Drives(self.world, self.hand, self.object, speed, spurt, self.max_energy)
         for body in self._hand_bodies:
             self._filter.addBodyNodePairToBlackList(self._sole, body)
             self._filter.addBodyNodePairToBlackList(self.table.getBodyNode(0), body)
@@ -142,20 +146,19 @@ class GraspWorld(TableWorld):
         """Put the hand, fingers open and at rest, at pose q = (u, v, theta)."""
         self.hand.getJoint(0).setTransformFromParentBodyNode(dart.math.Isometry3(T_world_grasp(q)))
         self.hand.setPositions([0.0, self.kinematics.open, self.kinematics.open])
-        self._speeds = np.zeros(3)
-        self.hand.setVelocities(self._speeds)
-        self._squeezed = False
+        self.hand.setVelocities(np.zeros(3))
+        self._squeezed = self._touched = False
 
     def state(self) -> State:
         """All that the next step depends on, to be restored bit by bit."""
         positions = self.hand.getPositions(), self.object.getPositions()
-        return *positions, self._speeds, self.object.getVelocities(), self._squeezed
+        return *positions, self.hand.getVelocities(), self.object.getVelocities(), self._squeezed
 
     def restore(self, state: State) -> None:
-        hand, body, self._speeds, body_velocities, self._squeezed = state
+        hand, body, hand_velocities, body_velocities, self._squeezed = state
         self.hand.setPositions(hand)
         self.object.setPositions(body)
-        self.hand.setVelocities(self._speeds)
+        self.hand.setVelocities(hand_velocities)
         self.object.setVelocities(body_velocities)
 
     def hand_touches_object(self) -> bool:
@@ -174,44 +177,14 @@ class GraspWorld(TableWorld):
         return len(centres) > 0 and bool(self.mesh.contains(centres).any())
 
     def drive(self, rise: float, steps: int = 1) -> None:
-        """Time steps with the effort on both fingers, no faster than drives allow, the hand rising at `rise` (m/s)."""
-        free = np.array([rise, LET_GO, LET_GO])
-        for _ in range(steps):
-            self._step(rise, free)
-            self._squeezed = self.squeezes()
+        """Time steps with the effort on both fingers, no faster than drives allow, the hand rising at `rise` (m/s).
 
-    def _step(self, rise: float, free: np.ndarray) -> None:
-        """One time step.
-
-        DART bounds friction by the normal forces that there would be without it. Without it an object between two
-        fingers may escape, and fingers that follow no faster than their drives allow would hardly press on it. So they
-        are let go, and the step is taken again where friction did not hold them (docs/physics.md).
+        Raises Diverged instead of stepping a state that has run away.
         """
-        _, left, right = self._speeds.tolist()
-        left, right = min(left + self.spurt, self.speed), min(right + self.spurt, self.speed)
-        if self._squeezed:
-            before = self.state()
-            self._commanded(free)
-            if self._speeds[1] <= left and self._speeds[2] <= right:
-                return
-            self.restore(before)
-        self._commanded(np.array([rise, left, right]))
-
-    def _commanded(self, speeds: np.ndarray) -> None:
-        """One time step with the speeds of hand, left and right finger commanded."""
-        self.hand.setCommands(speeds)
-        self.step()
-        self._speeds = self.hand.getVelocities()  # asked for once: each call into DART costs a fiftieth of a step
-
-    def squeezes(self) -> bool:
-        """Whether both fingers met the object in the last step."""
-        _, left, right = self._hand_bodies
-        touches = self.world.getLastCollisionResult().inCollision
-        return bool(touches(left) and touches(right))
+        self._squeezed, self._touched, sane = self._drives.run(rise, steps, self._squeezed)
+        if not sane:
+            raise Diverged(self._run_away)
 
     def touched(self) -> bool:
         """Whether palm or fingers met the object in the last step; at less cost than `hand_touches_object`."""
-        if self._squeezed:
-            return True
-        result = self.world.getLastCollisionResult()
-        return any(result.inCollision(body) for body in self._hand_bodies)
+        return self._touched
