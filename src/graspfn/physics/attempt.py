@@ -205,7 +205,7 @@ class Grasper:
             grips.append(self._grip())
             if len(grips) > HALF:
                 moves.append(float(np.abs(grips[-1] - grips[0]).max()))
-            if len(moves) > HALF and _yet_to_move(moves[0], moves[-1], left) < GRIP_M and self._off_the_table():
+            if len(moves) > HALF and yet_to_move(moves[0], moves[-1], left / HALF) < GRIP_M and self._off_the_table():
                 return Outcome.HELD, True
         held = self._off_the_table() and self.world.hand_touches_object()
         return Outcome.HELD if held else Outcome.LEFT, False
@@ -223,12 +223,11 @@ class Grasper:
         return grip
 
 
-def _yet_to_move(before: float, now: float, left: int) -> float:
-    """How far a grip will move in the looks that are left, if it goes on slowing down as it does, metres.
+def yet_to_move(before: float, now: float, spans: float) -> float:
+    """How far a grip will move in so many spans to come, if it goes on slowing down as it does, metres.
 
-    before, now: how far it moved over HALF looks and over the HALF after them. What creeps is mostly DART's correction
+    before, now: how far it moved over the last span but one and over the last. What creeps is mostly DART's correction
     of penetrations, which dies away exponentially.
     """
     ratio = max(now / before, 0.5) if now < before else 1.0  # not trusted to stop at once
-    terms = left / HALF
-    return now * (terms if ratio == 1.0 else ratio * (1 - ratio**terms) / (1 - ratio))
+    return now * (spans if ratio == 1.0 else ratio * (1 - ratio**spans) / (1 - ratio))
