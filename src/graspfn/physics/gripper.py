@@ -53,6 +53,11 @@ class Kinematics(ABC):
     def reach(self) -> float:
         """Farthest point of the open fingers from the hand's axis along the closing direction, metres."""
 
+    @abstractmethod
+    def gap(self) -> tuple[float, float]:
+        """Distance between the inner faces of the open fingers at the table, metres, and by how much each of them leans
+        inwards in a metre of height."""
+
     def parts(self, positions: tuple[float, float]) -> list[tuple[np.ndarray, np.ndarray]]:
         """Boxes of palm, left and right finger as (T_hand_box (4, 4), size (3,)) at joint positions (left, right)."""
         size = np.array([self.thickness, self.width, self.length])
@@ -101,6 +106,11 @@ class Revolute(Kinematics):
         tip = self.joint_x - self.length * np.sin(self.open) + self.thickness / 2 * np.cos(self.open)
         return float(max(tip, self.joint_x + self.thickness / 2))
 
+    def gap(self) -> tuple[float, float]:
+        lean = np.tan(self.open)  # negative: open fingers lean outwards going down
+        face = self.joint_x - self.thickness / 2 / np.cos(self.open)  # at the height of the joints
+        return float(2 * (face - lean * self.height)), float(-lean)
+
 
 class Prismatic(Kinematics):
     """Fingers that slide along the closing direction, their pads always parallel: open at position 0."""
@@ -121,3 +131,6 @@ class Prismatic(Kinematics):
 
     def reach(self) -> float:
         return self.closed + self.thickness
+
+    def gap(self) -> tuple[float, float]:
+        return 2 * self.closed, 0.0

@@ -1,0 +1,75 @@
+"""Success to expect of a pose under a pose uncertainty, from attempts that were made anyway: no new physics.
+
+Labelling attempts every cell of Q the same number of times, each attempt uniformly inside its cell (paper IV-C).
+Weighted with the density of the pose that the gripper reaches, their outcomes give the success of any pose under any
+uncertainty: importance sampling, stratified by the cells. Outside Q nothing was attempted; there an object that lies
+within Q is out of reach, so nothing is held.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+
+from graspfn.geometry import grid
+
+FEW = 10.0  # effective attempts, below which an estimate of one object says little
+TURNS = 2  # half turns of theta either way: enough for 60 degrees of standard deviation
+
+
+@dataclass(frozen=True)
+class Expected:
+    """Share of reached poses at which the object is held, its standard error, and the attempts that it rests on.
+
+    effective: of the weights, (sum w)^2 / sum w^2; few below FEW. All NaN and 0 where no attempt has any weight.
+    """
+
+    value: float
+    error: float
+    effective: float
+
+
+def expected_success(
+    q: np.ndarray, sigma_uv_m: float, sigma_theta_rad: float, attempts: np.ndarray, held: np.ndarray
+) -> Expected:
+    """Of commanding pose q (3,) under N(q, diag(sigma_uv^2, sigma_uv^2, sigma_theta^2)), both sigmas above 0.
+
+    attempts: (33, 44, 6, n, 3) poses as `grid.sample_cells` draws them, n of 2 or more; held: (33, 44, 6, n) bool.
+    """
+    assert attempts.shape[:3] == grid.SHAPE and attempts.shape[:4] == held.shape and held.shape[3] > 1
+    near = _near(q, sigma_uv_m)
+    weights = _density(attempts[near] - q, sigma_uv_m, sigma_theta_rad)
+    held, total = held[near], weights.sum()
+    if total == 0:
+        return Expected(np.nan, np.nan, 0.0)
+    inside = _mass_within_q(q, sigma_uv_m)
+    ratio = (weights * held).sum() / total
+    # Of a ratio by its residuals; between cells nothing varies, since each has its attempts.
+    residuals = weights * (held - ratio)
+    n = held.shape[-1]
+    variance = n * residuals.var(axis=-1, ddof=1).sum() / total**2
+    return Expected(inside * ratio, inside * float(np.sqrt(variance)), float(total**2 / (weights**2).sum()))
+
+
+def _near(q: np.ndarray, sigma_uv_m: float) -> tuple[slice, slice]:
+    """The cells along v and u within six standard deviations of q: all that has weight."""
+    v, u, _ = grid.to_index(q)
+    reach = 6 * sigma_uv_m / grid.CELL_M + 1
+    low = [max(0, int(np.floor(at - reach))) for at in (v, u)]
+    return slice(low[0], max(0, int(v + reach)) + 1), slice(low[1], max(0, int(u + reach)) + 1)
+
+
+def _density(offset: np.ndarray, sigma_uv_m: float, sigma_theta_rad: float) -> np.ndarray:
+    """Density (...) of reaching so far from the commanded pose (..., 3), up to a factor; theta wraps."""
+    uv = np.exp(-0.5 * (offset[..., :2] ** 2).sum(axis=-1) / sigma_uv_m**2)
+    turned = grid.angle_difference(offset[..., 2], 0.0)
+    turns = (turned + turn * np.pi for turn in range(-TURNS, TURNS + 1))
+    return uv * sum(np.exp(-0.5 * (angle / sigma_theta_rad) ** 2) for angle in turns)
+
+
+def _mass_within_q(q: np.ndarray, sigma_uv_m: float) -> float:
+    """Probability of reaching a pose in the cells of Q."""
+    half = np.array([grid.SHAPE[1], grid.SHAPE[0]]) * grid.CELL_M / 2
+    return float(np.prod(ndtr((half - q[:2]) / sigma_uv_m) - ndtr((-half - q[:2]) / sigma_uv_m)))
