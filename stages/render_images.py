@@ -10,8 +10,7 @@ from graspfn.geometry.camera import Intrinsics
 from graspfn.geometry.transforms import T_world_scene
 from graspfn.imaging.placement import random_placement
 from graspfn.imaging.render import renderer
-from graspfn.meshes.placed import T_world_object, read_resting
-from graspfn.meshes.store import load_object
+from graspfn.meshes.placed import T_world_object, load_placed, read_resting
 from graspfn.params import Declared
 from graspfn.workflow.files import write_parquet
 from graspfn.workflow.seeds import generator
@@ -31,7 +30,7 @@ def main(params: Declared) -> None:
         images = np.lib.format.open_memmap(OUT / f"{split}.npy", "w+", np.float32, shape)
         rows = []
         for i, row in enumerate(tqdm(placed.to_dict("records"), desc=f"render {split}", unit="image")):
-            mesh, T = load_object(OBJECTS / split, row["id"]), T_world_object(row)
+            mesh, T = load_placed(OBJECTS / split, row), T_world_object(row)
             images[i] = render(mesh, T, camera)
             line = {"row": i, "id": row["id"], "class": row["class"]}
             if split == "test":

@@ -40,12 +40,12 @@ BOX, RING = trimesh.creation.box([0.03, 0.02, 0.02]), trimesh.creation.annulus(0
 OBJECTS = {name: Resting(mesh, mesh, translation(0, 0, 0.01)) for name, mesh in (("box", BOX), ("ring", RING))}
 PARTS = [(name, angle) for name in OBJECTS for angle in (0, 4)]
 
-Made = tuple[bytes, dict[str, int]]  # successes and account: every bit of a part's labels
+Made = tuple[bytes, dict[str, int]]  # outcomes and account: every bit of a part's labels
 Task = tuple[str, tuple[Any, ...]]
 
 
 def made(labels: Labels) -> Made:
-    return labels.successes.tobytes(), labels.account
+    return labels.outcomes.tobytes(), labels.account
 
 
 def label_part(

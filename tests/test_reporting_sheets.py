@@ -59,8 +59,8 @@ def drawn(data):
     read, plates = [], {}
     patch = pytest.MonkeyPatch()
     patch.setattr(shading, "SAMPLES", 1)
-    load = sheets.load_object
-    patch.setattr(sheets, "load_object", lambda folder, name: read.append((folder.name, name)) or load(folder, name))
+    load = sheets.load_placed
+    patch.setattr(sheets, "load_placed", lambda folder, row: read.append((folder.name, row["id"])) or load(folder, row))
     for plate in sheets.contact_sheets(data):
         plates[plate.name] = plate, read.copy()
         read.clear()

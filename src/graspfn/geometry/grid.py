@@ -54,9 +54,14 @@ def from_index(index: np.ndarray) -> np.ndarray:
 
 
 def sample_cells(attempts: int, rng: np.random.Generator) -> np.ndarray:
-    """Uniform draws inside every pose's cell (paper III-C): (33, 44, 6, attempts, 3) in (u [m], v [m], theta [rad])."""
-    offset = rng.uniform(-0.5, 0.5, (*SHAPE, attempts, 3)) * [CELL_M, CELL_M, CELL_RAD]
-    return poses()[..., None, :] + offset
+    """Uniform draws inside every pose's cell (paper IV-C): (33, 44, 6, attempts, 3) in (u [m], v [m], theta [rad]).
+
+    They follow from the generator's raw bits, which numpy promises never to change: a seed tells them for good.
+    """
+    shape = (*SHAPE, attempts, 3)
+    bits = rng.bit_generator.random_raw(int(np.prod(shape))).reshape(shape)
+    offset = (bits >> np.uint64(11)) * 2.0**-53 - 0.5
+    return poses()[..., None, :] + offset * [CELL_M, CELL_M, CELL_RAD]
 
 
 def angle_difference(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from graspfn.meshes.store import load_object
 from graspfn.workflow.files import write_parquet
 
 RESTING = "resting"
-COLUMNS = ("id", "class", "status", "qw", "qx", "qy", "qz", "x", "y", "z")
+COLUMNS = ("id", "class", "status", "fit_scale", "qw", "qx", "qy", "qz", "x", "y", "z")
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,10 +32,15 @@ class Resting:
     T_world_object: np.ndarray
 
 
-def placed_row(name: str, category: str, status: str, T_world_object: np.ndarray) -> dict[str, Any]:
-    """One line of the table: the status, "resting" or why not, and T_world_object as quaternion and position (m)."""
+def placed_row(
+    name: str, category: str, status: str, T_world_object: np.ndarray, fit_scale: float = 1.0
+) -> dict[str, Any]:
+    """One line of the table: the status, "resting" or why not, and T_world_object as quaternion and position (m).
+
+    fit_scale: of the stored mesh, to have the size at which it rests there: 1, or less so that it fits the gripper.
+    """
     quaternion = Rotation.from_matrix(T_world_object[:3, :3]).as_quat(scalar_first=True, canonical=True)
-    values = (name, category, status, *quaternion.tolist(), *T_world_object[:3, 3].tolist())
+    values = (name, category, status, float(fit_scale), *quaternion.tolist(), *T_world_object[:3, 3].tolist())
     return dict(zip(COLUMNS, values, strict=True))
 
 
@@ -65,6 +70,12 @@ def T_world_object(row: Mapping[Any, Any]) -> np.ndarray:
     return T
 
 
+def load_placed(folder: Path, row: Mapping[Any, Any]) -> trimesh.Trimesh:
+    """A mesh of the object of a line of the table, at the size at which it was placed, from its folder (store.py)."""
+    mesh = load_object(folder, row["id"])
+    return trimesh.Trimesh(mesh.vertices * row["fit_scale"], mesh.faces, process=False)
+
+
 def load_resting(meshes: Path, collisions: Path, row: Mapping[Any, Any]) -> Resting:
-    """The object of a line of the table, from the folders of its meshes (store.py)."""
-    return Resting(load_object(meshes, row["id"]), load_object(collisions, row["id"]), T_world_object(row))
+    """The object of a line of the table, from the folders of its meshes."""
+    return Resting(load_placed(meshes, row), load_placed(collisions, row), T_world_object(row))

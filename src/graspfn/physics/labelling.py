@@ -24,15 +24,20 @@ RETRIED = "retried"  # ran away at first, and were run again with half the step
 
 @dataclass(frozen=True)
 class Labels:
-    """The grasp function of one object, counted.
+    """How every attempt on one object ended.
 
-    successes: (33, 44, 6) uint8, attempts that held at each pose.
+    outcomes: (33, 44, 6, attempts) uint8, places in OUTCOMES, of the attempts at the poses of `grid.sample_cells`.
     account: of the 8712 x attempts, how many had each of OUTCOMES, which add up to all; how many of those that were
     simulated had each of ENDS; and how many were RETRIED.
     """
 
-    successes: np.ndarray
+    outcomes: np.ndarray
     account: dict[str, int]
+
+    @property
+    def successes(self) -> np.ndarray:
+        """The grasp function, counted: (33, 44, 6) uint8, attempts that held at each pose."""
+        return successes(self.outcomes)
 
     @property
     def simulated(self) -> int:
@@ -50,17 +55,26 @@ def label_object(resting: Resting, attempts: int, rig: Rig, rng: np.random.Gener
     draws = grid.sample_cells(attempts, rng)[:, :, angles]
     q = draws.reshape(-1, 3)
     culled = touches_nothing(resting, q, grasper.world.kinematics) & (not rig.physics.reference)
-    held = np.zeros(len(q), dtype=bool)
+    outcomes = np.full(len(q), OUTCOMES.index(Outcome.UNTOUCHED), dtype=np.uint8)
     account = dict.fromkeys((*OUTCOMES, *ENDS, RETRIED), 0)
     account[Outcome.UNTOUCHED] += int(culled.sum())
     for i in np.flatnonzero(~culled):
         result = grasper.run(q[i])
-        held[i] = result.held
+        outcomes[i] = OUTCOMES.index(result.outcome)
         account[result.outcome.value] += 1
         for entry in end(result):
             account[entry] += 1
-    successes = held.reshape(draws.shape[:-1]).sum(axis=-1).astype(np.uint8)
-    return Labels(successes, account)
+    return Labels(outcomes.reshape(draws.shape[:-1]), account)
+
+
+def held(outcomes: np.ndarray) -> np.ndarray:
+    """Which attempts held the object: bool, of the shape of the outcomes."""
+    return outcomes == OUTCOMES.index(Outcome.HELD)
+
+
+def successes(outcomes: np.ndarray) -> np.ndarray:
+    """Attempts that held at each pose, uint8: (..., attempts) -> (...)."""
+    return held(outcomes).sum(axis=-1, dtype=np.uint8)
 
 
 def end(result: Result) -> list[str]:
@@ -83,4 +97,4 @@ def _freeze_imports() -> None:
 def joined(parts: Sequence[Labels]) -> Labels:
     """The labels of an object from those of its angles, in order."""
     account = {entry: sum(part.account[entry] for part in parts) for entry in parts[0].account}
-    return Labels(np.concatenate([part.successes for part in parts], axis=2), account)
+    return Labels(np.concatenate([part.outcomes for part in parts], axis=2), account)

@@ -19,6 +19,7 @@ REST_S = 0.2  # slower than the limits below for so long: at rest
 REST_M_S, REST_RAD_S = 2e-3, 2e-2
 SUNK_M = 2 * SLOP_M  # deeper in the table, it is still being pushed out
 FAR_M = 1.0
+FALLEN_M = -0.020  # a corner that lands sinks in by millimetres, and with it the middle of a card; below this, it fell
 ROLLING_S = 1.0  # time constant of the resistance that stops a rolling body; rigid contacts have none
 
 
@@ -48,8 +49,8 @@ def settle(mesh: trimesh.Trimesh, physics: Physics, settling: Settle, rng: np.ra
                 world.step()
             world.object.setVelocities(world.object.getVelocities() * np.exp(-LOOK_S / ROLLING_S))
             T = world.object_pose()
-            if T[2, 3] < 0 or np.abs(T[:2, 3]).max() > FAR_M:
-                return Settled("fell through the table" if T[2, 3] < 0 else "rolled away", T)
+            if T[2, 3] < FALLEN_M or np.abs(T[:2, 3]).max() > FAR_M:
+                return Settled("fell through the table" if T[2, 3] < FALLEN_M else "rolled away", T)
             linear, angular = world.object_velocity()
             slow = np.abs(linear).max() < REST_M_S and np.abs(angular).max() < REST_RAD_S
             # A corner that lands first sinks in, and DART takes its time to push it out again: an object may be slow

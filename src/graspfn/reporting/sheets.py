@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import trimesh
 
-from graspfn.meshes.placed import RESTING, T_world_object
-from graspfn.meshes.store import load_object, read_manifest
+from graspfn.meshes.placed import RESTING, T_world_object, load_placed
+from graspfn.meshes.store import read_manifest
 from graspfn.reporting.figures_objects import Cells, cells_for, draw_contact_sheet
 from graspfn.reporting.shading import OBJECT_COLOUR, View, render_scene
 from graspfn.reporting.style import Plate
@@ -45,9 +45,9 @@ def picture(mesh: trimesh.Trimesh, T_world_object: np.ndarray, width_m: float, s
 
 def _pictures(data: Path, resting: pd.DataFrame, side_px: int) -> Iterator[np.ndarray]:
     """A picture of every line, all at one scale; no more than one mesh is in memory."""
-    width_m = ROOM * float(resting["size_m"].max())
+    width_m = ROOM * float((resting["size_m"] * resting["fit_scale"]).max())
     for row in resting.to_dict("records"):
-        yield picture(load_object(data / "objects" / row["split"], row["id"]), T_world_object(row), width_m, side_px)
+        yield picture(load_placed(data / "objects" / row["split"], row), T_world_object(row), width_m, side_px)
 
 
 def _caption(source: str, resting: pd.DataFrame, left_out: int, cells: Cells) -> str:
