@@ -8,6 +8,7 @@ binomial p (1 - p) / n (Kish). The interval is the one for independent trials at
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,3 +99,57 @@ def paired_difference(success: np.ndarray, baseline: np.ndarray, clusters: np.nd
         pairs=len(difference),
         clusters=len(np.unique(clusters)),
     )
+
+
+RESAMPLES = 4000
+
+
+@dataclass(frozen=True)
+class Resampled:
+    """A mean over objects, and over trained networks where there are several, with its 95% interval."""
+
+    value: float
+    low: float
+    high: float
+    objects: int
+    networks: int
+
+
+def resampled(values: np.ndarray) -> Resampled:
+    """Mean of values (objects, networks), each the mean of as many trials, with the interval of resampling both.
+
+    A network is one training seed: with one alone the interval holds for that network, not for its kind, and says
+    nothing of what another start would bring. Of differences between methods, pass the difference: they are paired.
+    The spread is that of objects and networks drawn anew with replacement, the two independently (Owen's pigeonhole
+    bootstrap), the quantile Student's for the objects: percentiles of few objects would be too near.
+    """
+    assert values.ndim == 2 and values.size > 0
+    objects, networks = values.shape
+    value = float(values.mean())
+    if objects == 1:
+        return Resampled(value, -np.inf, np.inf, objects, networks)
+    spread = ((_resamples(objects, 0) @ values) * _resamples(networks, 1)).sum(axis=1).std()
+    # Resampling makes the variance of a mean of n too small by (n - 1) / n.
+    half = float(stats.t.ppf(0.975, objects - 1) * spread * np.sqrt(objects / (objects - 1)))
+    return Resampled(value, value - half, value + half, objects, networks)
+
+
+@functools.cache
+def _resamples(count: int, stream: int) -> np.ndarray:
+    """(RESAMPLES, count) shares of `count` things drawn with replacement: the same for every row of a table."""
+    return np.random.default_rng(stream).multinomial(count, np.full(count, 1 / count), RESAMPLES) / count
+
+
+def resampled_rate(values: np.ndarray) -> Resampled:
+    """As `resampled`, of rates in [0, 1]: the interval stays there, and does not collapse where all objects agree.
+
+    It is Wilson's, at the number of independent trials that would spread as the resampled mean does, and at no more
+    than the number of objects where there is no spread at all.
+    """
+    found = resampled(values)
+    if not np.isfinite(found.low):
+        return Resampled(found.value, *wilson(found.value, 1.0), found.objects, found.networks)
+    spread = (found.high - found.value) / Z95
+    binomial = found.value * (1 - found.value)
+    size = binomial / spread**2 if spread > 0 and binomial > 0 else float(found.objects)
+    return Resampled(found.value, *wilson(found.value, size), found.objects, found.networks)
