@@ -44,16 +44,14 @@ def seen_patches(depth: np.ndarray, mask: np.ndarray, intrinsics: Intrinsics) ->
     return (np.argwhere(occupied) + low + 0.5) * PATCH_M
 
 
-def centroid_grasp(depth: np.ndarray, intrinsics: Intrinsics) -> np.ndarray:
-    """Pose (3,) (u [m], v [m], theta [rad]); depth: (480, 640), metres.
-
-    Where nothing stands out of the table, the image centre with theta 0: a robot has to be sent somewhere.
+def centroid_grasp(depth: np.ndarray, intrinsics: Intrinsics) -> np.ndarray | None:
+    """Pose (3,) (u [m], v [m], theta [rad]), None where nothing stands out of the table; depth: (480, 640), metres.
 
     Raises DepthError for an image with holes, of another size or in another unit.
     """
     mask = object_mask(depth, intrinsics)
     if not mask.any():
-        return np.zeros(3)
+        return None
     patches = seen_patches(depth, mask, intrinsics)
     centre = patches.mean(axis=0)
     _, directions = np.linalg.eigh((patches - centre).T @ (patches - centre))
