@@ -136,13 +136,17 @@ def _trial(reader: SeekingReader, topics: Topics) -> TrialRecording:
     found = messages_of_trial(reader, topics, planned)
     start = found["commanded" if planned else "outcome"][0].time_ns
     names, time_s, positions = decode.joints([(item.time_ns, item.message) for item in found["joints"]], start)
+    with _naming(topics.depth):
+        depth = decode.depth(found["depth"][0].message)
+    with _naming(topics.camera_info):
+        camera_matrix = decode.camera_matrix(found["camera_info"][0].message, depth.shape)
     success = bool(found["outcome"][0].message.data)
     if success and not planned:
         raise RecordingError(f"topic {topics.outcome}: a success, but metadata {PLANNED}: false")
     return TrialRecording(
         condition=condition,
-        depth=decode.depth(found["depth"][0].message),
-        camera_matrix=np.array(found["camera_info"][0].message.k, dtype=float).reshape(3, 3),
+        depth=depth,
+        camera_matrix=camera_matrix,
         commanded=_pose(found["commanded"], topics.commanded),
         achieved=_pose(found["achieved"], topics.achieved),
         joint_names=names,
