@@ -72,7 +72,7 @@ def study(name: str, resting: Resting, rig: Rig, plan: Plan, attempts: int, seed
     f = labels.successes / attempts
     q = robust_best_grasp(f, SIGMA.uv_m, SIGMA.theta_rad, plan, generator(seed, "sweep", name, "plan"))
     grasper, rng = Grasper(resting, rig), generator(seed, "sweep", name, "trials")
-    held = [grasper.run(SIGMA.reached(q, rng)).held for _ in range(TRIALS)]
+    held = [q is not None and grasper.run(SIGMA.reached(q, rng)).held for _ in range(TRIALS)]
     height = float(np.ptp(apply(resting.T_world_object, resting.mesh.vertices)[:, 2]))
     return {
         "object": name,
