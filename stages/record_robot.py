@@ -5,7 +5,8 @@ from collections.abc import Hashable, Iterator
 from pathlib import Path
 from typing import Any
 
-from graspfn.evaluation.trials import Sigma, plan_all
+from graspfn.evaluation.bench import Scene
+from graspfn.evaluation.planner import GraspFunction, Planner
 from graspfn.geometry.camera import Intrinsics
 from graspfn.geometry.transforms import T_world_scene
 from graspfn.imaging.holes import fill_holes
@@ -19,9 +20,10 @@ from graspfn.meshes.placed import load_resting, resting_rows
 from graspfn.meshes.store import read_manifest
 from graspfn.params import Declared
 from graspfn.physics.world import Rig
+from graspfn.planning.uncertainty import PoseUncertainty
 from graspfn.robot.read import read_trial, recordings
 from graspfn.robot.record import write_trial
-from graspfn.robot.simulated import Scene, file_name, record, see
+from graspfn.robot.simulated import Seen, file_name, record, see
 from graspfn.workflow.files import keep_only
 from graspfn.workflow.parallel import map_objects
 from graspfn.workflow.seeds import generator
@@ -43,7 +45,8 @@ def simulated_tasks(objects: list[dict[Hashable, Any]], params: Declared) -> Ite
     camera, render = Intrinsics.from_params(params.camera), renderer(params.camera.renderer)
     device = pick_device(params.compute.device)
     networks = {name: load_network(NETWORKS / name) for name in params.networks}
-    sigmas = [Sigma(*pair) for pair in zip(params.robot.sigma_uv_mm, params.robot.sigma_theta_deg, strict=True)]
+    cells = list(zip(params.robot.sigma_uv_mm, params.robot.sigma_theta_deg, strict=True))
+    planner = Planner(params.plan, camera, params.seed)
     rig = Rig(params.physics, params.gripper, params.attempt)
     for row in objects:
         name, resting = row["id"], load_resting(MESHES, COLLISION, row)
@@ -53,14 +56,11 @@ def simulated_tasks(objects: list[dict[Hashable, Any]], params: Declared) -> Ite
             rng = generator(params.seed, "record_robot", name, placement)
             shift, theta = random_placement(centred, camera, rng)
             depth = see(render(mesh, T_world_scene(shift, theta) @ T, camera), params.noise, camera, rng)
-            filled = fill_holes(depth, camera)
-            functions = {
-                key: predict(net, network_input(filled, camera)[None], device)[0] for key, net in networks.items()
-            }
-            scene = Scene(name, placement, shift, theta, depth)
-            key = f"{name}-{placement}"
-            plans = plan_all(filled, functions, sigmas, params.plan, camera, params.seed, key)
-            yield key, (scene, plans, resting, rig, camera, params.seed)
+            scene = Scene(f"{name}-{placement}", fill_holes(depth, camera), shift, theta)
+            inputs = network_input(scene.depth, camera)[None]
+            functions = [GraspFunction(key, params.seed, predict(net, inputs, device)[0]) for key, net in networks.items()]
+            plans = planner.plans(scene, functions, [PoseUncertainty.of(*cell) for cell in cells])
+            yield scene.name, (Seen(name, placement, depth, scene), cells, plans, resting, rig, camera, params.seed)
 
 
 @stage("record_robot")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from graspfn.evaluation.expected import FEW, expected_success
+from graspfn.evaluation.expected import FEW, Attempts, expected_success
 from graspfn.geometry import grid
 
 CELLS = (5, 10), (20, 10), (20, 40)
@@ -32,7 +32,7 @@ def test_mean_over_draws_is_the_truth_and_errors_are_their_spread(uv_mm: float, 
     found = []
     for seed in range(200):
         attempts = grid.sample_cells(5, np.random.default_rng(seed))
-        found.append(expected_success(q, uv, theta, attempts, block(attempts)))
+        found.append(expected_success(q, uv, theta, Attempts(attempts, block(attempts))))
     values = np.array([one.value for one in found])
     spread = values.std(ddof=1)
     assert abs(values.mean() - truth) < 4 * spread / np.sqrt(len(values)) + 0.003  # a ratio is a little biased
@@ -42,25 +42,25 @@ def test_mean_over_draws_is_the_truth_and_errors_are_their_spread(uv_mm: float, 
 def test_everything_held_is_certain_within_q_and_lost_beyond() -> None:
     attempts = grid.sample_cells(2, np.random.default_rng(0))
     held = np.ones(attempts.shape[:4], dtype=bool)
-    middle = expected_success(np.zeros(3), 0.01, 0.3, attempts, held)
+    middle = expected_success(np.zeros(3), 0.01, 0.3, Attempts(attempts, held))
     assert middle.value == pytest.approx(1, abs=1e-12) and middle.error == pytest.approx(0, abs=1e-12)
-    edge = expected_success(np.array([grid.SHAPE[1] * grid.CELL_M / 2, 0, 0]), 0.01, 0.3, attempts, held)
+    edge = expected_success(np.array([grid.SHAPE[1] * grid.CELL_M / 2, 0, 0]), 0.01, 0.3, Attempts(attempts, held))
     assert edge.value == pytest.approx(0.5, abs=1e-9)
 
 
 def test_a_half_turn_of_the_pose_changes_nothing() -> None:
     attempts = grid.sample_cells(3, np.random.default_rng(1))
     one, other = (
-        expected_success(np.array([0.01, 0.0, angle]), 0.01, 0.5, attempts, block(attempts)) for angle in (0.1, 0.1 + np.pi)
+        expected_success(np.array([0.01, 0.0, angle]), 0.01, 0.5, Attempts(attempts, block(attempts))) for angle in (0.1, 0.1 + np.pi)
     )
     assert one.value == pytest.approx(other.value, abs=1e-9)
 
 
 def test_effective_attempts_grow_with_the_uncertainty_and_tell_when_there_are_few() -> None:
     attempts = grid.sample_cells(5, np.random.default_rng(2))
-    sizes = [expected_success(np.zeros(3), s / 1e3, np.radians(t), attempts, block(attempts)).effective for s, t in CELLS]
+    sizes = [expected_success(np.zeros(3), s / 1e3, np.radians(t), Attempts(attempts, block(attempts))).effective for s, t in CELLS]
     # Of a Gaussian in three dimensions: density of attempts times (4 pi)^(3/2) sigma^3.
     ideal = [5 * (4 * np.pi) ** 1.5 * (s / 10) ** 2 * t / 30 for s, t in CELLS[:2]]
     assert sizes[:2] == pytest.approx(ideal, rel=0.35) and sizes == sorted(sizes)
-    assert expected_success(np.zeros(3), 0.002, 0.1, attempts, block(attempts)).effective < FEW
-    assert np.isnan(expected_success(np.array([9.0, 0, 0]), 0.01, 0.1, attempts, block(attempts)).value)
+    assert expected_success(np.zeros(3), 0.002, 0.1, Attempts(attempts, block(attempts))).effective < FEW
+    assert np.isnan(expected_success(np.array([9.0, 0, 0]), 0.01, 0.1, Attempts(attempts, block(attempts))).value)

@@ -31,17 +31,23 @@ class Expected:
     effective: float
 
 
-def expected_success(
-    q: np.ndarray, sigma_uv_m: float, sigma_theta_rad: float, attempts: np.ndarray, held: np.ndarray
-) -> Expected:
-    """Of commanding pose q (3,) under N(q, diag(sigma_uv^2, sigma_uv^2, sigma_theta^2)), both sigmas above 0.
+@dataclass(frozen=True, eq=False)
+class Attempts:
+    """The attempts of one object's labels.
 
-    attempts: (33, 44, 6, n, 3) poses as `grid.sample_cells` draws them, n of 2 or more; held: (33, 44, 6, n) bool.
+    q: (33, 44, 6, n, 3) poses as `grid.sample_cells` draws them, n of 2 or more; held: (33, 44, 6, n) bool.
     """
-    assert attempts.shape[:3] == grid.SHAPE and attempts.shape[:4] == held.shape and held.shape[3] > 1
+
+    q: np.ndarray
+    held: np.ndarray
+
+
+def expected_success(q: np.ndarray, sigma_uv_m: float, sigma_theta_rad: float, attempts: Attempts) -> Expected:
+    """Of commanding pose q (3,) under N(q, diag(sigma_uv^2, sigma_uv^2, sigma_theta^2)), both sigmas above 0."""
+    assert attempts.q.shape[:3] == grid.SHAPE and attempts.q.shape[:4] == attempts.held.shape
     near = _near(q, sigma_uv_m)
-    weights = _density(attempts[near] - q, sigma_uv_m, sigma_theta_rad)
-    held, total = held[near], weights.sum()
+    weights = _density(attempts.q[near] - q, sigma_uv_m, sigma_theta_rad)
+    held, total = attempts.held[near], weights.sum()
     if total == 0:
         return Expected(np.nan, np.nan, 0.0)
     inside = _mass_within_q(q, sigma_uv_m)

@@ -12,7 +12,9 @@ from graspfn.geometry import grid
 from graspfn.params import Plan
 from graspfn.planning.smoothing import check_function, fine_axes, robust_function_at
 
-METHODS = ("Centroid", "Best Grasp", "Robust Best Grasp")
+CENTROID, BEST, ROBUST = "Centroid", "Best Grasp", "Robust Best Grasp"
+LIKELIEST = "Best Grasp (likeliest class)"  # by the scores of the likeliest classes, as the paper has them (V)
+METHODS = (CENTROID, LIKELIEST, BEST, ROBUST)
 
 # Rounding differs by this share between poses that symmetry makes equal; a score's own resolution is far coarser.
 TIE = 1e-12

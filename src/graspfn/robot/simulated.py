@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from graspfn.evaluation.trials import Bench, Planned, Sigma
+from graspfn.evaluation.bench import Bench, Scene
+from graspfn.evaluation.planner import Planned
 from graspfn.geometry.camera import Intrinsics
 from graspfn.imaging.noise import add_noise
 from graspfn.meshes.placed import Resting
 from graspfn.params import Noise
 from graspfn.physics.attempt import Frame
 from graspfn.physics.world import Rig
+from graspfn.planning.uncertainty import PoseUncertainty
 from graspfn.robot.depth_holes import hole_mask
 from graspfn.robot.trial import Condition, TrialRecording
 from graspfn.workflow.seeds import generator
@@ -21,17 +24,16 @@ JOINTS = ("hand_lift", "finger_left", "finger_right")
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class Seen:
     """One object at one placement, and what the robot's camera made of it.
 
-    depth: (480, 640) float32, metres, NaN where nothing was measured.
+    raw: (480, 640) float32, metres, NaN where nothing was measured; the scene's depth is the same, filled.
     """
 
     object: str
     placement: int
-    shift_uv: np.ndarray
-    theta: float
-    depth: np.ndarray
+    raw: np.ndarray
+    scene: Scene
 
 
 def see(depth: np.ndarray, noise: Noise, intrinsics: Intrinsics, rng: np.random.Generator) -> np.ndarray:
@@ -42,40 +44,42 @@ def see(depth: np.ndarray, noise: Noise, intrinsics: Intrinsics, rng: np.random.
 
 
 def record(
-    scene: Scene,
-    plans: list[tuple[Sigma, Planned]],
+    seen: Seen,
+    cells: Sequence[tuple[float, float]],
+    plans: Sequence[Sequence[Planned]],
     resting: Resting,
     rig: Rig,
     intrinsics: Intrinsics,
     seed: int,
 ) -> list[TrialRecording]:
-    """Execute every plan on the scene. Plans of one uncertainty share the arm's error, so that methods are paired.
+    """Execute the plans for each cell (sigma_uv [mm], sigma_theta [deg]). Those of one cell share the arm's error, so
+    that methods are paired.
 
     Where a method found no grasp the robot stays where it is, and that is recorded as the failure it is.
     """
-    bench = Bench(resting, rig)
+    bench = Bench(resting, rig, seen.scene)
     recordings = []
-    for sigma, planned in plans:
+    for cell, planned in ((cell, planned) for cell, of_cell in zip(cells, plans, strict=True) for planned in of_cell):
         reached: np.ndarray | None = None
         frames: tuple[Frame, ...] = ()
         held = False
         if planned.q is not None:
-            rng = generator(seed, "record_robot", scene.object, scene.placement, sigma.uv_mm, sigma.theta_deg)
-            reached = sigma.reached(planned.q, rng)
-            result = bench.grasp(reached, scene.shift_uv, scene.theta, film=True)
+            error = generator(seed, "record_robot", seen.object, seen.placement, *cell).standard_normal(3)
+            reached = PoseUncertainty.of(*cell).reached(planned.q, error)
+            result = bench.grasp(reached, film=True)
             held, frames = result.held, result.frames
         recordings.append(
             TrialRecording(
                 condition=Condition(
-                    object=scene.object,
-                    placement=str(scene.placement),
+                    object=seen.object,
+                    placement=str(seen.placement),
                     method=planned.method,
                     network=planned.network,
-                    sigma_uv_mm=sigma.uv_mm,
-                    sigma_theta_deg=sigma.theta_deg,
+                    sigma_uv_mm=cell[0],
+                    sigma_theta_deg=cell[1],
                     simulated=True,
                 ),
-                depth=scene.depth,
+                depth=seen.raw,
                 camera_matrix=intrinsics.matrix,
                 commanded=planned.q,
                 achieved=reached,
