@@ -31,9 +31,9 @@ def main(params: Declared) -> None:
             for image, name in tqdm(zip(images, ids, strict=True), desc="observe", total=len(ids), unit="image")
         ]
     )
-    network = load_network(NETWORKS / params.network_name)
+    network = load_network(NETWORKS / params.item)
     scores = predict(network, inputs, pick_device(params.compute.device))
-    write_npz(OUT / f"{params.network_name}.npz", {"ids": np.array(ids), "scores": scores})
+    write_npz(OUT / f"{params.item}.npz", {"ids": np.array(ids), "scores": scores})
 
 
 if __name__ == "__main__":

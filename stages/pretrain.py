@@ -24,9 +24,9 @@ def main(params: Declared) -> None:
     camera = Intrinsics.from_params(params.camera)
     samples = ClassSamples(images, classes, pd.read_parquet(TABLE), camera, params.noise)
     network = build_network(params.network, params.seed)
-    scratch = resources(params.compute, f"pretrain-{params.network_name}")
+    scratch = resources(params.compute, f"pretrain-{params.item}")
     history, notes = pretrain(network, samples, names, params.pretrain, params.network, params.seed, scratch)
-    folder = OUT / params.network_name
+    folder = OUT / params.item
     save_network(folder, network, params.network, **notes)
     history.to_csv(folder / "history.csv", index=False)
 

@@ -32,10 +32,10 @@ def main(params: Declared) -> None:
     images = np.load(IMAGES / "train.npy", mmap_mode="r")
     camera = Intrinsics.from_params(params.camera)
     samples = GraspSamples(images, successes, int(labels["attempts"]), table, camera, params.noise)
-    network = load_network(PRETRAINED / params.network_name)
-    scratch = resources(params.compute, f"train-{params.network_name}")
+    network = load_network(PRETRAINED / params.item)
+    scratch = resources(params.compute, f"train-{params.item}")
     history = train(network, samples, params.train, params.network, params.seed, scratch)
-    folder = OUT / params.network_name
+    folder = OUT / params.item
     save_network(folder, network, params.network)
     history.to_csv(folder / "history.csv", index=False)
 

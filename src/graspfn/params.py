@@ -158,6 +158,7 @@ class Label:
     """Labelling of every pose of Q (paper III-C)."""
 
     attempts: Annotated[int, Key("attempts per pose, drawn uniformly inside its cell", at_least=1, at_most=255)]
+    test: Annotated[int, Key("test objects to label as well, the first: their true function is Table 1's ceiling", at_least=1)]
     max_failed: Annotated[float, Key("fraction of objects that may fail before the stage does", at_least=0, at_most=1)]
 
 
@@ -212,10 +213,12 @@ class Plan:
 
 @dataclass(frozen=True)
 class Evaluate:
-    """The uncertainties of Table 1."""
+    """The uncertainties of Table 1, and how often each test object meets them."""
 
     sigma_uv_mm: Annotated[tuple[float, ...], Key("std of the reached position, mm", at_least=0)]
     sigma_theta_deg: Annotated[tuple[float, ...], Key("std of the reached angle, degrees", at_least=0)]
+    errors_per_object: Annotated[int, Key("errors drawn for each object: trials of a method in a cell", at_least=1)]
+    max_failed: Annotated[float, Key("fraction of objects that may fail before the stage does", at_least=0, at_most=1)]
 
 
 @dataclass(frozen=True)
@@ -390,12 +393,12 @@ def read_yaml(path: Path) -> Any:
 class Declared:
     """The parameters that one stage declares in dvc.yaml, and no others.
 
-    `load("train", network="fcn")` gives an object whose attributes are the declared top-level keys
-    (`params.train`, ...); `network.${item.network}` is given as `params.network`, its name as `params.network_name`.
+    `load("train", item="fcn")` gives an object whose attributes are the declared top-level keys
+    (`params.train`, ...); `network.${item.network}` is given as `params.network`; of a matrix, the item as `params.item`.
     """
 
-    def __init__(self, stage: str, values: dict[str, Any], compute: Compute, network: str | None = None):
-        self.__dict__.update(values, compute=compute, stage=stage, network_name=network)
+    def __init__(self, stage: str, values: dict[str, Any], compute: Compute, item: str | None = None):
+        self.__dict__.update(values, compute=compute, stage=stage, item=item)
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):  # what copying and pickling ask for
@@ -403,7 +406,7 @@ class Declared:
         raise ParameterError(f"{name}: stage {self.__dict__['stage']} does not declare this key in dvc.yaml")
 
 
-def load(stage: str, network: str | None = None, root: Path = Path()) -> Declared:
+def load(stage: str, item: str | None = None, root: Path = Path()) -> Declared:
     """Validate the whole of params.yaml and hand a stage the keys it declares.
 
     `compute` comes along undeclared, since it cannot change a result.
@@ -415,10 +418,10 @@ def load(stage: str, network: str | None = None, root: Path = Path()) -> Declare
         name, _, rest = key.partition(".")
         value = getattr(params, name)
         if rest:
-            if not re.fullmatch(r"\$\{item\.\w+\}", rest) or network is None:
+            if not re.fullmatch(r"\$\{item\.\w+\}", rest) or item is None:
                 raise ParameterError(f"{key}: stage {stage} may declare whole sections and network.${{item.network}}")
-            if network not in value:
-                raise ParameterError(f"network.{network}: missing")
-            value = value[network]
+            if item not in value:
+                raise ParameterError(f"network.{item}: missing")
+            value = value[item]
         values[name] = value
-    return Declared(stage, values, params.compute, network)
+    return Declared(stage, values, params.compute, item)

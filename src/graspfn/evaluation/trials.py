@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -113,7 +113,3 @@ def _expected(
     if planned.q is None or attempts is None or planned.network == TRUE or not uncertainty.spreads:
         return UNKNOWN
     return expected_success(scene.unmoved(planned.q), uncertainty.uv_m, uncertainty.theta_rad, attempts)
-
-
-def rows(trials: Sequence[Trial]) -> list[dict[str, object]]:
-    return [asdict(trial) for trial in trials]

@@ -13,6 +13,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 SCRATCH = Path(".scratch")
 
 
@@ -20,23 +22,29 @@ def _plain(value: Any) -> Any:
     return dataclasses.asdict(value) if dataclasses.is_dataclass(value) and not isinstance(value, type) else str(value)
 
 
+def _content(part: Any) -> bytes:
+    if isinstance(part, Path):
+        return part.read_bytes()
+    if isinstance(part, np.ndarray):
+        return f"{part.dtype.str} {part.shape} ".encode() + np.ascontiguousarray(part).tobytes()
+    return json.dumps(part, default=_plain, sort_keys=True).encode()
+
+
 def code_digest(*rooms: str) -> str:
-    """Hash of the Python files of `graspfn` rooms (or of single modules)."""
+    """Hash of the Python files of `graspfn` rooms, or of single modules ("seeds.py")."""
     root = Path(__file__).parents[1]
     digest = hashlib.blake2b(digest_size=16)
     for room in sorted(rooms):
-        for path in sorted((root / room).rglob("*.py")):
+        for path in [root / room] if room.endswith(".py") else sorted((root / room).rglob("*.py")):
             digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
     return digest.hexdigest()
 
 
 def shard_key(*parts: Any) -> str:
-    """Hash of plain values, dataclasses and files (Paths, by content)."""
+    """Hash of plain values, dataclasses, arrays and files (Paths, by content)."""
     digest = hashlib.blake2b(digest_size=16)
     for part in parts:
-        content = (
-            part.read_bytes() if isinstance(part, Path) else json.dumps(part, default=_plain, sort_keys=True).encode()
-        )
+        content = _content(part)
         digest.update(len(content).to_bytes(8, "big") + content)
     return digest.hexdigest()
 

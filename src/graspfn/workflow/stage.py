@@ -18,7 +18,7 @@ TIMINGS = SCRATCH / "timings"
 
 
 def stage(name: str) -> Callable[[Callable[[Declared], None]], Callable[[], None]]:
-    """Make `main(params)` the script of a stage of dvc.yaml; of a matrix stage, the script's argument is the network.
+    """Make `main(params)` the script of a stage of dvc.yaml; of a matrix stage, the script's argument is the item.
 
     Bad input (a ValueError that graspfn itself raises) ends it with one line and exit status 1.
     """
@@ -26,15 +26,15 @@ def stage(name: str) -> Callable[[Callable[[Declared], None]], Callable[[], None
     def decorate(main: Callable[[Declared], None]) -> Callable[[], None]:
         @functools.wraps(main)
         def run() -> None:
-            network = sys.argv[1] if len(sys.argv) > 1 else None
+            item = sys.argv[1] if len(sys.argv) > 1 else None
             started = time.monotonic()
             try:
-                main(load(name, network))
+                main(load(name, item))
             except ValueError as error:
                 if not _ours(error):  # a bug, which deserves its traceback
                     raise
                 sys.exit(f"{name}: {' '.join(str(error).split())}")
-            full_name = f"{name}@{network}" if network else name
+            full_name = f"{name}@{item}" if item else name
             with atomic(TIMINGS / f"{full_name}.json") as path:
                 path.write_text(json.dumps({"seconds": round(time.monotonic() - started, 1)}))
 
