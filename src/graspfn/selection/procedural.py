@@ -10,13 +10,13 @@ import numpy as np
 import trimesh
 from manifold3d import Manifold
 
-from graspfn.selection import furniture, things, vessels
+from graspfn.selection import electronics, furniture, instruments, plants, things, vehicles, vessels
 from graspfn.selection.candidate import Candidate, family_side
 from graspfn.selection.primitives import to_trimesh
 
 # ModelNet40's names, with the dish and the hammer that the paper shows
 CATEGORIES: dict[str, Callable[[np.random.Generator], Manifold]] = {
-    "airplane": things.airplane,
+    "airplane": vehicles.airplane,
     "bathtub": vessels.bathtub,
     "bottle": vessels.bottle,
     "bowl": vessels.bowl,
@@ -24,12 +24,12 @@ CATEGORIES: dict[str, Callable[[np.random.Generator], Manifold]] = {
     "cone": vessels.cone,
     "cup": vessels.cup,
     "dish": vessels.dish,
-    "flower_pot": vessels.flower_pot,
-    "guitar": things.guitar,
+    "flower_pot": plants.flower_pot,
+    "guitar": instruments.guitar,
     "hammer": things.hammer,
-    "keyboard": things.keyboard,
+    "keyboard": electronics.keyboard,
     "lamp": vessels.lamp,
-    "monitor": things.monitor,
+    "monitor": electronics.monitor,
     "stool": furniture.stool,
     "table": furniture.table,
     "vase": vessels.vase,
