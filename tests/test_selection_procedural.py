@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 
 from graspfn.selection.procedural import CATEGORIES, Procedural, generate
+from graspfn.selection.signature import Shapes, signature
 from graspfn.workflow.seeds import generator
 
 DRAWS = 4
+MODELNET40 = """airplane bathtub bed bench bookshelf bottle bowl car chair cone cup curtain desk door dresser flower_pot
+    glass_box guitar keyboard lamp laptop mantel monitor night_stand person piano plant radio range_hood sink sofa
+    stairs stool table tent toilet tv_stand vase wardrobe xbox"""
+
+
+def test_the_classes_are_those_of_modelnet40_and_two_that_the_paper_shows():
+    assert list(CATEGORIES) == sorted([*MODELNET40.split(), "dish", "hammer"])
 
 
 def draws(category):
@@ -21,18 +29,21 @@ def test_closed_solid_in_one_piece_with_modest_faces(category):
         assert mesh.is_volume
         assert mesh.body_count == 1
         assert mesh.volume > 0
-        assert 50 < len(mesh.faces) < 2500
+        assert 30 < len(mesh.faces) < 2500
 
 
 @pytest.mark.parametrize("category", CATEGORIES)
-def test_same_generator_same_object_and_another_generator_another_shape(category):
-    first, *others = meshes = draws(category)
+def test_same_generator_same_object_and_other_generators_other_shapes(category):
+    """At most two of four are of one shape."""
+    first, *_ = meshes = draws(category)
     again = generate(category, generator(0, "test", category, 0))
     assert np.array_equal(first.vertices, again.vertices)
     assert np.array_equal(first.faces, again.faces)
-    proportions = [[*mesh.extents, mesh.volume] / mesh.extents.max() for mesh in meshes]
-    assert np.ptp(proportions, axis=0).max() > 0.01
-    assert all(mesh.volume != first.volume for mesh in others)
+    shapes = Shapes()
+    for k, mesh in enumerate(meshes):
+        if shapes.like(signature(mesh)) is None:
+            shapes.add(str(k), signature(mesh))
+    assert len(shapes.ids) >= DRAWS - 1
 
 
 @pytest.mark.parametrize("category", CATEGORIES)

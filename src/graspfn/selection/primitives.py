@@ -15,7 +15,7 @@ from manifold3d import CrossSection, JoinType, Manifold
 from scipy.interpolate import PchipInterpolator
 
 SEGMENTS = 24  # sides of a full circle: round enough in a 132 x 176 image, cheap enough for collision detection
-Point = Sequence[float]
+Point = Sequence[float] | np.ndarray
 Points = Sequence[Point] | np.ndarray
 
 

@@ -10,29 +10,66 @@ import numpy as np
 import trimesh
 from manifold3d import Manifold
 
-from graspfn.selection import furniture, things, vessels
+from graspfn.selection import (
+    building,
+    cabinets,
+    electronics,
+    fittings,
+    furniture,
+    instruments,
+    plants,
+    things,
+    upholstery,
+    vehicles,
+    vessels,
+)
 from graspfn.selection.candidate import Candidate, family_side
 from graspfn.selection.primitives import to_trimesh
 
 # ModelNet40's names, with the dish and the hammer that the paper shows
 CATEGORIES: dict[str, Callable[[np.random.Generator], Manifold]] = {
-    "airplane": things.airplane,
+    "airplane": vehicles.airplane,
     "bathtub": vessels.bathtub,
+    "bed": upholstery.bed,
+    "bench": furniture.bench,
+    "bookshelf": cabinets.bookshelf,
     "bottle": vessels.bottle,
     "bowl": vessels.bowl,
+    "car": vehicles.car,
     "chair": furniture.chair,
     "cone": vessels.cone,
     "cup": vessels.cup,
+    "curtain": building.curtain,
+    "desk": cabinets.desk,
     "dish": vessels.dish,
-    "flower_pot": vessels.flower_pot,
-    "guitar": things.guitar,
+    "door": building.door,
+    "dresser": cabinets.dresser,
+    "flower_pot": plants.flower_pot,
+    "glass_box": things.glass_box,
+    "guitar": instruments.guitar,
     "hammer": things.hammer,
-    "keyboard": things.keyboard,
+    "keyboard": electronics.keyboard,
     "lamp": vessels.lamp,
-    "monitor": things.monitor,
+    "laptop": electronics.laptop,
+    "mantel": building.mantel,
+    "monitor": electronics.monitor,
+    "night_stand": cabinets.night_stand,
+    "person": things.person,
+    "piano": instruments.piano,
+    "plant": plants.plant,
+    "radio": electronics.radio,
+    "range_hood": fittings.range_hood,
+    "sink": fittings.sink,
+    "sofa": upholstery.sofa,
+    "stairs": building.stairs,
     "stool": furniture.stool,
     "table": furniture.table,
+    "tent": building.tent,
+    "toilet": fittings.toilet,
+    "tv_stand": cabinets.tv_stand,
     "vase": vessels.vase,
+    "wardrobe": cabinets.wardrobe,
+    "xbox": electronics.xbox,
 }
 
 

@@ -1,73 +1,11 @@
-"""Household objects assembled from plates, blocks and rods: airplane, guitar, hammer, keyboard, monitor."""
+"""Things of no other kind: glass box, hammer, person."""
 
 from __future__ import annotations
 
 import numpy as np
-from manifold3d import CrossSection, JoinType, Manifold
+from manifold3d import CrossSection, Manifold
 
-from graspfn.selection.primitives import (
-    SEGMENTS,
-    ball,
-    box,
-    disc,
-    outline,
-    profile,
-    rectangle,
-    revolve,
-    rod,
-    slab,
-    unite,
-)
-
-
-def airplane(rng: np.random.Generator) -> Manifold:
-    """Nose towards +x, with swept wings, a tail and, on some, engines."""
-    radius, thick = rng.uniform(0.045, 0.075), rng.uniform(0.034, 0.042)
-    hull = revolve(profile([0, 0.25, 0.8, 0.93, 1], [0.025, radius, radius, 0.7 * radius, 0.012], samples=12), 16)
-    parts = [hull.rotate((0, 90, 0))]
-    span, sweep, chord = rng.uniform(0.3, 0.5), rng.uniform(0.0, 0.25), rng.uniform(0.14, 0.22)
-    root = rng.uniform(0.5, 0.62)
-    z = -rng.choice([0.4, 0.0, -0.4]) * radius
-    parts.append(_wings(root, span, sweep, chord, thick).translate((0, 0, z)))
-    parts.append(_wings(0.14, 0.4 * span, 0.4 * sweep, 0.5 * chord, thick))
-    height = rng.uniform(0.12, 0.2)
-    fin = outline([(0.02, 0), (0.17, 0), (0.08, height), (0.0, height)])
-    parts.append(slab(fin, thick).rotate((90, 0, 0)).translate((0, thick / 2, 0.4 * radius)))
-    for k in range(int(rng.integers(0, 3))):
-        along = span * (0.35 + 0.28 * k)
-        x = root - sweep * along / span + 0.02
-        for y in (-along, along):
-            parts.append(disc(0.035, 0.13).rotate((0, 90, 0)).translate((x - 0.07, y, z - 0.035)))
-    return unite(parts)
-
-
-def _wings(root: float, span: float, sweep: float, chord: float, thick: float) -> Manifold:
-    """A pair of wings with their leading edge at x = root on the axis."""
-    tip = 0.45 * chord
-    right = [(root - chord, 0.0), (root, 0.0), (root - sweep, span), (root - sweep - tip, span)]
-    left = [(x, -y) for x, y in reversed(right)]
-    return slab(outline(right) + outline(left), thick, (0, 0, -thick / 2))
-
-
-def guitar(rng: np.random.Generator) -> Manifold:
-    """Body with a waist, neck and head; acoustic with a sound hole or a thin electric one."""
-    lower, upper = rng.uniform(0.17, 0.21), rng.uniform(0.12, 0.16)
-    waist = rng.uniform(0.22, 0.27)
-    bouts = CrossSection.circle(lower, SEGMENTS) + CrossSection.circle(upper, SEGMENTS).translate((waist, 0))
-    body = bouts.offset(0.07, JoinType.Round, circular_segments=16).offset(-0.07, JoinType.Round, circular_segments=16)
-    electric = rng.random() < 0.4
-    depth = rng.uniform(0.05, 0.065) if electric else rng.uniform(0.09, 0.12)
-    if electric:  # a cutaway leaves a horn beside the neck
-        body = body - CrossSection.circle(0.085, 16).translate((waist + upper, upper * 0.75))
-    solid = slab(body.simplify(0.003), depth)
-    if not electric:
-        solid -= disc(rng.uniform(0.05, 0.065), depth, (waist * 0.75, 0, 0.45 * depth))
-    end, width = rng.uniform(0.68, 0.75), rng.uniform(0.05, 0.065)
-    neck = box((end - waist, width, 0.042), ((end + waist) / 2, 0, depth))
-    head = slab(outline([(0, -0.04), (0.13, -0.055), (0.13, 0.055), (0, 0.04)]), 0.04)
-    head = head.rotate((0, rng.uniform(5, 14), 0)).translate((end - 0.015, 0, depth - 0.02))
-    bridge = box((0.04, 0.14, 0.03), (-0.35 * lower, 0, depth + 0.01))
-    return unite([solid, neck, head, bridge])
+from graspfn.selection.primitives import ball, box, disc, outline, rectangle, rod, slab, unite
 
 
 def hammer(rng: np.random.Generator) -> Manifold:
@@ -106,39 +44,79 @@ def _claw(reach: float) -> Manifold:
     return unite(parts)
 
 
-def keyboard(rng: np.random.Generator) -> Manifold:
-    """A wedge of a case with rows of keys, with or without a number pad."""
-    width, depth = rng.uniform(0.65, 1.0), rng.uniform(0.26, 0.38)
-    front, back = rng.uniform(0.035, 0.05), rng.uniform(0.05, 0.08)
-    side = outline([(-depth / 2, 0), (depth / 2, 0), (depth / 2, back), (-depth / 2, front)])
-    case = slab(side, width).rotate((90, 0, 90)).translate((-width / 2, 0, 0))
-    rows, columns = int(rng.integers(4, 6)), int(rng.integers(8, 12))
-    pitch_x, pitch_y = (width - 0.06) / columns, (depth - 0.06) / rows
-    slope = (back - front) / depth
-    pad = columns - 3 if rng.random() < 0.5 else None
-    keys = []
-    for row in range(rows):
-        y = (row - (rows - 1) / 2) * pitch_y
-        z = (front + back) / 2 + slope * y
-        for column in range(columns):
-            x = (column - (columns - 1) / 2) * pitch_x
-            wide = pitch_x * (0.5 if pad == column + 1 else 0.72)
-            if row == 0 and 2 <= column <= 5:  # the space bar is one key
-                if column > 2:
-                    continue
-                x, wide = x + 1.5 * pitch_x, 3.72 * pitch_x
-            keys.append(box((wide, 0.72 * pitch_y, 0.05), (x, y, z)))
-    return unite([case, *keys])
+def glass_box(rng: np.random.Generator) -> Manifold:
+    """An open tank, or panes or nothing in a frame under a lid, a gable or a pyramid; square or many-sided."""
+    width, depth, height = rng.uniform(0.5, 1.0), rng.uniform(0.35, 0.8), rng.uniform(0.3, 0.9)
+    sides, wall = int(rng.choice([4, 4, 4, 5, 6, 8])), rng.uniform(0.042, 0.055)
+    plan = rectangle(width, depth)
+    if sides > 4:
+        plan = CrossSection.circle(0.5, sides).scale((width, rng.uniform(0.8, 1.0) * width))
+    flare = rng.uniform(0.8, 1.0) if rng.random() < 0.3 else 1.0
+    top, kind = plan.scale((flare, flare)), rng.choice(["tank", "panes", "frame"])
+    if kind == "tank":
+        block = slab(plan, height, scale_top=(flare, flare)) + slab(plan.offset(0.02), 0.06)
+        block += slab(top.offset(0.02), 0.05, (0, 0, height - 0.05))
+        return block - slab(plan.offset(-wall), height, (0, 0, wall), (flare, flare))
+    corners = np.concatenate(plan.to_polygons()) * 0.96
+    parts = [rod([(x, y, 0.02), (flare * x, flare * y, height)], 0.032, 6) for x, y in corners]
+    parts += [slab(plan, rng.uniform(0.05, 0.12)), slab(top.offset(0.02), 0.05, (0, 0, height - 0.01))]
+    if kind == "panes":
+        parts.append(slab(plan.offset(-0.03), height, scale_top=(flare, flare)))
+    if rng.random() < 0.5:
+        ridge = 1.0 if sides == 4 and rng.random() < 0.5 else 0.1
+        parts.append(slab(top, rng.uniform(0.1, 0.3), (0, 0, height + 0.03), (0.1, ridge)))
+    else:
+        parts.append(disc(0.05, 0.07, (0, 0, height + 0.03)))
+    return unite(parts)
 
 
-def monitor(rng: np.random.Generator) -> Manifold:
-    """A flat screen on a neck and a foot."""
-    width, height = rng.uniform(0.8, 1.0), rng.uniform(0.48, 0.68)
-    depth, lift = rng.uniform(0.06, 0.09), rng.uniform(0.1, 0.2)
-    screen = box((width, depth, height), (0, 0, lift + height / 2))
-    recess = box((width - 0.09, 0.03, height - 0.09), (0, -depth / 2, lift + height / 2))
-    bulge = box((0.5 * width, 0.1, 0.5 * height), (0, depth / 2 + 0.02, lift + height / 2))
-    neck = box((rng.uniform(0.06, 0.18), 0.05, lift + 0.1), (0, depth / 2 - 0.005, (lift + 0.1) / 2))
-    radius = rng.uniform(0.15, 0.22)
-    foot = disc(radius, 0.04) if rng.random() < 0.5 else slab(rectangle(0.45, 0.25, 0.03), 0.04)
-    return unite([screen - recess, bulge, neck, foot])
+def person(rng: np.random.Generator) -> Manifold:
+    """Facing -y: standing, striding or sitting, in trousers or a skirt, the arms down, out, up, ahead or akimbo."""
+    stout, pose = rng.uniform(0.85, 1.3), rng.choice(["stand", "stride", "sit"])
+    parts = [
+        rod([(0, 0, 0.5), (0, 0, 0.63), (0, 0, 0.76)], np.array([0.1, 0.085, 0.1]) * stout, 10).scale((1, 0.65, 1))
+    ]
+    parts += [rod([(0, 0, 0.78), (0, 0, 0.9)], 0.04), ball((0.062, 0.07, 0.082), (0, -0.005, 0.94), 12)]
+    stride, skirt = rng.uniform(12, 28), pose != "sit" and rng.random() < 0.35
+    for side in (-1, 1):
+        thigh, shin = {
+            "stand": (rng.uniform(0, 4), 0.0),
+            "stride": (side * stride, side * stride - rng.uniform(0, 18)),
+            "sit": (rng.uniform(80, 92), rng.uniform(-8, 12)),
+        }[str(pose)]
+        hip = np.array([side * 0.06, 0, 0.5])
+        knee = hip + _reach(0.24, thigh, side * rng.uniform(2, 8))
+        ankle = knee + _reach(0.24, shin, 0)
+        parts.append(rod([hip, knee, ankle], np.array([0.065, 0.048, 0.036]) * stout**0.5))
+        parts.append(rod([ankle, ankle + np.array([0, -0.08, -0.015])], 0.032, 6))
+        parts.append(_arm(rng, side, stout))
+    if skirt:
+        parts.append(disc(0.13 * stout, 0.26, (0, 0, 0.3), 0.085 * stout))
+    extra = rng.choice(["none", "hat", "hair"])
+    if extra == "hat":
+        parts += [disc(0.095, 0.03, (0, 0, 0.97)), disc(0.062, 0.07, (0, 0, 0.98))]
+    elif extra == "hair":
+        parts.append(ball((0.072, 0.07, 0.095), (0, 0.02, 0.93), 10))
+    return unite(parts)
+
+
+def _reach(length: float, ahead_deg: float, out_deg: float) -> np.ndarray:
+    """A limb that hangs, swung ahead (-y) and then out (+x)."""
+    a, b = np.radians([ahead_deg, out_deg])
+    return length * np.array([np.sin(b), -np.sin(a) * np.cos(b), -np.cos(a) * np.cos(b)])
+
+
+def _arm(rng: np.random.Generator, side: int, stout: float) -> Manifold:
+    shoulder = np.array([side * 0.1 * stout, 0, 0.77])
+    kind = rng.choice(["down", "out", "up", "ahead", "akimbo"], p=[0.4, 0.15, 0.15, 0.15, 0.15])
+    upper, lower, lift = {
+        "down": (8, 0, 5),
+        "out": (75, 85, 0),
+        "up": (140, 160, 0),
+        "ahead": (15, 0, 70),
+        "akimbo": (45, -35, 10),
+    }[str(kind)]
+    jitter = rng.uniform(-7, 7, 2)
+    elbow = shoulder + _reach(0.17, lift, side * (upper + jitter[0] + 10 * (stout - 0.9)))
+    hand = elbow + _reach(0.16, lift + 10, side * (lower + jitter[1]))
+    return rod([shoulder, elbow, hand], [0.045, 0.036, 0.03]) + ball((0.036, 0.036, 0.042), hand, 8)
