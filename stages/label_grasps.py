@@ -40,7 +40,7 @@ def wanted(split: str, first: int) -> list[str]:
 
 @stage("label_grasps")
 def main(params: Declared) -> None:
-    split, attempts, rig = params.item, params.label.attempts, Rig(params.physics, params.gripper, params.attempt)
+    split, attempts, rig = params.items[0], params.label.attempts, Rig(params.physics, params.gripper, params.attempt)
     folders = OBJECTS / split, COLLISION / split
     placed, names = resting_rows(PLACED / f"{split}.parquet"), wanted(split, params.label.test)
     seeds = {name: seed_of(params.seed, "label_grasps", name) for name in names}

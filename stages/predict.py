@@ -31,9 +31,9 @@ def main(params: Declared) -> None:
             for image, name in tqdm(zip(images, ids, strict=True), desc="observe", total=len(ids), unit="image")
         ]
     )
-    network = load_network(NETWORKS / params.item)
-    scores = predict(network, inputs, pick_device(params.compute.device))
-    write_npz(OUT / f"{params.item}.npz", {"ids": np.array(ids), "scores": scores})
+    run = "-".join(params.items)
+    scores, likeliest = predict(load_network(NETWORKS / run), inputs, pick_device(params.compute.device))
+    write_npz(OUT / f"{run}.npz", {"ids": np.array(ids), "scores": scores, "likeliest": likeliest})
 
 
 if __name__ == "__main__":

@@ -23,10 +23,11 @@ def main(params: Declared) -> None:
     images = np.load(IMAGES / "train.npy", mmap_mode="r")
     camera = Intrinsics.from_params(params.camera)
     samples = ClassSamples(images, classes, pd.read_parquet(TABLE), camera, params.noise)
-    network = build_network(params.network, params.seed)
-    scratch = resources(params.compute, f"pretrain-{params.item}")
-    history, notes = pretrain(network, samples, names, params.pretrain, params.network, params.seed, scratch)
-    folder = OUT / params.item
+    run, seed = "-".join(params.items), params.seed + int(params.items[1])
+    network = build_network(params.network, seed)
+    scratch = resources(params.compute, f"pretrain-{run}")
+    history, notes = pretrain(network, samples, names, params.pretrain, params.network, seed, scratch)
+    folder = OUT / run
     save_network(folder, network, params.network, **notes)
     history.to_csv(folder / "history.csv", index=False)
 

@@ -44,7 +44,7 @@ def simulated_tasks(objects: list[dict[Hashable, Any]], params: Declared) -> Ite
     """Every scene with the plans of all methods under all conditions."""
     camera, render = Intrinsics.from_params(params.camera), renderer(params.camera.renderer)
     device = pick_device(params.compute.device)
-    networks = {name: load_network(NETWORKS / name) for name in params.networks}
+    networks = {name: load_network(NETWORKS / f"{name}-{params.training_seeds[0]}") for name in params.networks}
     cells = list(zip(params.robot.sigma_uv_mm, params.robot.sigma_theta_deg, strict=True))
     planner = Planner(params.plan, camera, params.seed)
     rig = Rig(params.physics, params.gripper, params.attempt)
@@ -58,7 +58,7 @@ def simulated_tasks(objects: list[dict[Hashable, Any]], params: Declared) -> Ite
             depth = see(render(mesh, T_world_scene(shift, theta) @ T, camera), params.noise, camera, rng)
             scene = Scene(f"{name}-{placement}", fill_holes(depth, camera), shift, theta)
             inputs = network_input(scene.depth, camera)[None]
-            functions = [GraspFunction(key, params.seed, predict(net, inputs, device)[0]) for key, net in networks.items()]
+            functions = [GraspFunction(key, params.training_seeds[0], predict(net, inputs, device)[0][0]) for key, net in networks.items()]
             plans = planner.plans(scene, functions, [PoseUncertainty.of(*cell) for cell in cells])
             yield scene.name, (Seen(name, placement, depth, scene), cells, plans, resting, rig, camera, params.seed)
 

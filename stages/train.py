@@ -13,7 +13,7 @@ from graspfn.params import Declared
 from graspfn.workflow.files import read_npz
 from graspfn.workflow.stage import stage
 
-IMAGES, TABLE, LABELS = Path("data/images"), Path("data/augmentation.parquet"), Path("data/labels.npz")
+IMAGES, TABLE, LABELS = Path("data/images"), Path("data/augmentation.parquet"), Path("data/labels/train.npz")
 PRETRAINED, OUT = Path("data/pretrained"), Path("data/networks")
 
 
@@ -32,10 +32,11 @@ def main(params: Declared) -> None:
     images = np.load(IMAGES / "train.npy", mmap_mode="r")
     camera = Intrinsics.from_params(params.camera)
     samples = GraspSamples(images, successes, int(labels["attempts"]), table, camera, params.noise)
-    network = load_network(PRETRAINED / params.item)
-    scratch = resources(params.compute, f"train-{params.item}")
-    history = train(network, samples, params.train, params.network, params.seed, scratch)
-    folder = OUT / params.item
+    run, seed = "-".join(params.items), params.seed + int(params.items[1])
+    network = load_network(PRETRAINED / run)
+    scratch = resources(params.compute, f"train-{run}")
+    history = train(network, samples, params.train, params.network, seed, scratch)
+    folder = OUT / run
     save_network(folder, network, params.network)
     history.to_csv(folder / "history.csv", index=False)
 

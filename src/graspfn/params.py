@@ -273,6 +273,9 @@ class Params:
     label: Label
     augment: Augment
     networks: Annotated[tuple[str, ...], Key("networks to train and compare; each is a key of `network`")]
+    training_seeds: Annotated[
+        tuple[int, ...], Key("added to the seed: each network is trained anew with every one", at_least=0)
+    ]
     network: dict[str, Network]
     pretrain: Pretrain
     train: Train
@@ -358,6 +361,8 @@ def validate(values: Any) -> Params:
     looks = LOOK_MS / params.physics.time_step_ms
     if abs(looks - round(looks)) > 1e-9:
         raise ParameterError(f"physics.time_step_ms: takes a step that goes into {LOOK_MS} ms without rest")
+    if len(set(params.training_seeds)) < len(params.training_seeds):
+        raise ParameterError("training_seeds: takes each value once")
     for name in ("sigma_uv_mm", "sigma_theta_deg"):
         if len(set(getattr(params.evaluate, name))) < len(getattr(params.evaluate, name)):
             raise ParameterError(f"evaluate.{name}: takes each value once")
@@ -393,12 +398,12 @@ def read_yaml(path: Path) -> Any:
 class Declared:
     """The parameters that one stage declares in dvc.yaml, and no others.
 
-    `load("train", item="fcn")` gives an object whose attributes are the declared top-level keys
-    (`params.train`, ...); `network.${item.network}` is given as `params.network`; of a matrix, the item as `params.item`.
+    `load("train", "fcn", "0")` gives an object whose attributes are the declared top-level keys (`params.train`, ...);
+    `network.${item.network}` is given as `params.network`, and the items of the matrix as `params.items`.
     """
 
-    def __init__(self, stage: str, values: dict[str, Any], compute: Compute, item: str | None = None):
-        self.__dict__.update(values, compute=compute, stage=stage, item=item)
+    def __init__(self, stage: str, values: dict[str, Any], compute: Compute, items: tuple[str, ...] = ()):
+        self.__dict__.update(values, compute=compute, stage=stage, items=items)
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):  # what copying and pickling ask for
@@ -406,8 +411,8 @@ class Declared:
         raise ParameterError(f"{name}: stage {self.__dict__['stage']} does not declare this key in dvc.yaml")
 
 
-def load(stage: str, item: str | None = None, root: Path = Path()) -> Declared:
-    """Validate the whole of params.yaml and hand a stage the keys it declares.
+def load(stage: str, *items: str, root: Path = Path()) -> Declared:
+    """Validate the whole of params.yaml and hand a stage the keys it declares; items: those of its matrix.
 
     `compute` comes along undeclared, since it cannot change a result.
     """
@@ -418,10 +423,10 @@ def load(stage: str, item: str | None = None, root: Path = Path()) -> Declared:
         name, _, rest = key.partition(".")
         value = getattr(params, name)
         if rest:
-            if not re.fullmatch(r"\$\{item\.\w+\}", rest) or item is None:
+            if rest != "${item.network}" or not items:
                 raise ParameterError(f"{key}: stage {stage} may declare whole sections and network.${{item.network}}")
-            if item not in value:
-                raise ParameterError(f"network.{item}: missing")
-            value = value[item]
+            if items[0] not in value:
+                raise ParameterError(f"network.{items[0]}: missing")
+            value = value[items[0]]
         values[name] = value
-    return Declared(stage, values, params.compute, item)
+    return Declared(stage, values, params.compute, items)

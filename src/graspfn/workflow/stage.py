@@ -18,7 +18,7 @@ TIMINGS = SCRATCH / "timings"
 
 
 def stage(name: str) -> Callable[[Callable[[Declared], None]], Callable[[], None]]:
-    """Make `main(params)` the script of a stage of dvc.yaml; of a matrix stage, the script's argument is the item.
+    """Make `main(params)` the script of a stage of dvc.yaml; of a matrix stage, the script's arguments are the items.
 
     Bad input (a ValueError that graspfn itself raises) ends it with one line and exit status 1.
     """
@@ -26,15 +26,15 @@ def stage(name: str) -> Callable[[Callable[[Declared], None]], Callable[[], None
     def decorate(main: Callable[[Declared], None]) -> Callable[[], None]:
         @functools.wraps(main)
         def run() -> None:
-            item = sys.argv[1] if len(sys.argv) > 1 else None
+            items = sys.argv[1:]
             started = time.monotonic()
             try:
-                main(load(name, item))
+                main(load(name, *items))
             except ValueError as error:
                 if not _ours(error):  # a bug, which deserves its traceback
                     raise
                 sys.exit(f"{name}: {' '.join(str(error).split())}")
-            full_name = f"{name}@{item}" if item else name
+            full_name = f"{name}@{'-'.join(items)}" if items else name
             with atomic(TIMINGS / f"{full_name}.json") as path:
                 path.write_text(json.dumps({"seconds": round(time.monotonic() - started, 1)}))
 
