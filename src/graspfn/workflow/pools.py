@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
@@ -58,13 +59,13 @@ class DaskPool:
     """The workers of a scheduler, which has a child for each of its threads; they come and go. As LocalPool."""
 
     def __init__(self, address: str) -> None:
-        import dask  # slow to load, and only needed here
-        import distributed
+        from distributed import Client  # slow to load, and only needed here
 
+        for logger in ("distributed", "distributed.client"):
+            logging.getLogger(logger).setLevel(logging.CRITICAL)  # what goes wrong is said here, in a line
         self._address, self._digest, self._told = address, package_digest(), False
-        dask.config.set({"distributed.logging.distributed": "error", "distributed.comm.timeouts.connect": "60s"})
         try:
-            self._client = distributed.Client(address)
+            self._client = Client(address)
         except (OSError, ValueError) as error:
             raise ClusterError(f"compute.address: no scheduler at {address} ({error})") from None
         self._executor = self._client.get_executor(pure=False)
