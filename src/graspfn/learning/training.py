@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import torch
-from torch import nn
+from torch import multiprocessing, nn
 from torch.nn import functional
 from torch.utils.data import DataLoader, Dataset
 from tqdm import tqdm
@@ -144,8 +144,10 @@ def _load(
 ) -> Iterator[tuple[np.ndarray, ...]]:
     """Batches of (inputs, targets), one after the other, made by `loaders` processes where these can be started."""
     try:
+        # More semaphores than they need, which lie in /dev/shm: a loader that finds none later says so at length.
+        _ = [multiprocessing.Queue() for _ in range(4 * loaders)]
         return iter(DataLoader(dataset, batch_sampler=places(), num_workers=loaders, collate_fn=_arrays))
-    except OSError as error:  # their queues need semaphores, which lie in /dev/shm, and they need memory
+    except OSError as error:
         print(f"compute.loaders: none could be started ({error.strerror}); samples are made by the trainer itself")
         return iter(DataLoader(dataset, batch_sampler=places(), collate_fn=_arrays))
 
