@@ -109,6 +109,15 @@ def test_scores_do_not_depend_on_the_batch(params, inputs):
     assert predict(network, inputs[:0]).shape == (0, 33, 44, 6)
 
 
+def test_the_number_of_cores_changes_no_bit_of_a_score(params, inputs, monkeypatch):
+    network, many = build_network(params), np.concatenate([inputs] * 12)
+    found = []
+    for count in (1, 3):
+        monkeypatch.setattr("graspfn.learning.prediction.cores", lambda count=count: count)
+        found.append(predict(network, many).tobytes())
+    assert found[0] == found[1]
+
+
 def test_saved_networks_come_back(params, inputs, tmp_path):
     network = build_network(params, seed=5)
     save_network(tmp_path / "net", network, params, pretrained_on=["cup", "bowl"])
