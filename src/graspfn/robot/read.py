@@ -175,5 +175,5 @@ def recordings(folder: Path) -> list[Path]:
     """The .mcap files directly in a folder, by name."""
     found = sorted(folder.glob("*.mcap")) if folder.is_dir() else []
     if not found:
-        raise RecordingError(f"{folder}: no .mcap files")
+        raise RecordingError(f"{folder}: no .mcap files; robot.folder takes a directory of them")
     return found
