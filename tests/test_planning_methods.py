@@ -50,23 +50,23 @@ def test_uncertainty_repels_the_pose_from_a_lone_peak_to_a_plateau():
 
 
 @pytest.mark.parametrize(
-    ("cells", "middle"),
+    ("cells", "middle", "fine", "coarse"),
     [
-        ([(20, 9, 2), (20, 10, 2)], (20, 9.5, 2)),
-        ([(20, 9, 2), (21, 9, 2)], (20.5, 9, 2)),
-        ([(20, 9, 5), (20, 9, 0)], (20, 9, 5.5)),  # theta wraps
-        ([(20, 9, 0), (20, 10, 0), (21, 9, 0), (21, 10, 0)], (20.5, 9.5, 0)),
+        ([(20, 9, 2), (20, 10, 2)], (20, 9.5, 2), Plan(2, 1), Plan(1, 2)),
+        ([(20, 9, 2), (21, 9, 2)], (20.5, 9, 2), Plan(2, 1), Plan(1, 2)),
+        ([(20, 9, 5), (20, 9, 0)], (20, 9, 5.5), Plan(1, 2), Plan(2, 1)),  # theta wraps
+        ([(20, 9, 0), (20, 10, 0), (21, 9, 0), (21, 10, 0)], (20.5, 9.5, 0), Plan(4, 3), Plan(3, 4)),
     ],
     ids=["u", "v", "theta", "both"],
 )
-def test_of_neighbours_as_good_as_each_other_refinement_finds_the_middle(cells, middle):
-    """Off the middle, errors fall off the farther one sooner; without refinement one of the two is all there is."""
+def test_of_neighbours_as_good_as_each_other_refinement_finds_the_middle(cells, middle, fine, coarse):
+    """Off the middle, errors fall off the farther one sooner; where no pose is tried there, one comes near it."""
     f, sigma = np.zeros(grid.SHAPE), (0.008, np.radians(24))  # 0.8 of a cell each
     f[tuple(np.transpose(cells))] = 1.0
-    index = grid.to_index(robust_best_grasp(f, *sigma, Plan(4, 4), np.random.default_rng(0)))
+    index = grid.to_index(robust_best_grasp(f, *sigma, fine, np.random.default_rng(0)))
     np.testing.assert_allclose(index, middle, atol=1e-9)
-    index = grid.to_index(robust_best_grasp(f, *sigma, Plan(1, 1), np.random.default_rng(0)))
-    assert tuple(np.round(index, 9)) in cells
+    index = grid.to_index(robust_best_grasp(f, *sigma, coarse, np.random.default_rng(0)))
+    assert 0.1 < abs(index - middle).max() < 0.6
 
 
 def test_no_pose_nearby_has_a_higher_expected_score():
