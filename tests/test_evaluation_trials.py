@@ -21,6 +21,7 @@ from graspfn.params import Plan
 from graspfn.physics.attempt import Outcome, Result
 from graspfn.physics.world import Rig
 from graspfn.planning.centroid import centroid_grasp
+from graspfn.planning.methods import METHODS
 
 SMALL, CAMERA = Intrinsics(48, 36, 570.0), Intrinsics(640, 480, 570.0)
 SHIFT, THETA = np.array([0.03, -0.02]), 0.6
@@ -99,6 +100,7 @@ def test_each_method_and_uncertainty_is_tried_once():
     found = rows[["sigma_uv_mm", "sigma_theta_deg", "method", "network"]].itertuples(index=False, name=None)
     assert sorted(found) == sorted((c.uv_mm, c.theta_deg, *one) for c in CELLS for one in planned)
     assert set(rows["id"]) == {"cup"}
+    assert tuple(dict.fromkeys(rows["method"])) == METHODS  # the names that tables and recordings go by
 
 
 def test_methods_of_a_cell_share_the_grippers_error():
