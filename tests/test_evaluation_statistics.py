@@ -34,19 +34,35 @@ def test_objects_of_one_trial_each_are_independent_trials():
     assert proportion(success, np.arange(20)) == proportion(success)
 
 
-def test_repeats_that_always_agree_hold_no_more_than_their_objects():
-    objects = np.repeat(np.arange(40), 5)
-    agreeing = np.repeat(outcomes(28, 40), 5)
-    assert effective_size(agreeing.astype(float), objects) <= 40
-    whole = proportion(agreeing, objects)
-    single = proportion(outcomes(28, 40))
-    assert whole.high - whole.low >= single.high - single.low
-    assert whole.high - whole.low < 1.1 * (single.high - single.low)
+def few_clusters(k: int) -> float:
+    """What the spread between k clusters says less than a known one would: (z / t)^2."""
+    return float((stats.norm.ppf(0.975) / stats.t.ppf(0.975, k - 1)) ** 2)
 
 
-def test_repeats_that_never_agree_hold_no_more_than_independent_trials():
-    success = np.tile([True, False], 30)
-    assert effective_size(success.astype(float), np.repeat(np.arange(15), 4)) <= 60
+@pytest.mark.parametrize(("objects", "repeats"), [(40, 5), (4, 2), (2, 50)])
+def test_repeats_that_always_agree_hold_no_more_than_their_objects(objects, repeats):
+    """In closed form: the rate's variance is the objects' sample variance over their number."""
+    agreeing = np.repeat(outcomes(objects // 2, objects), repeats)
+    size = effective_size(agreeing.astype(float), np.repeat(np.arange(objects), repeats))
+    assert size == pytest.approx((objects - 1) * few_clusters(objects))
+
+
+def test_repeats_that_never_agree_count_as_independent_trials_and_not_more():
+    """The rates of such objects differ less than chance would have them: by nothing, and then by little."""
+    success, objects = np.tile([True, False], 30), np.repeat(np.arange(15), 4)
+    assert effective_size(success.astype(float), objects) == pytest.approx(60 * few_clusters(15))
+    success[0] = False  # one object of 1 in 4 among those of 2 in 4
+    assert effective_size(success.astype(float), objects) == pytest.approx(60 * few_clusters(15))
+
+
+def test_names_of_objects_and_the_order_of_trials_do_not_matter():
+    rng = np.random.default_rng(4)
+    success, objects = rng.random(60) < 0.6, rng.integers(0, 9, 60)
+    shuffled = rng.permutation(60)
+    names = np.array([f"object-{9 - i}" for i in objects])
+    one, other = proportion(success, objects), proportion(success[shuffled], names[shuffled])
+    assert (one.value, one.low, one.high) == pytest.approx((other.value, other.low, other.high))
+    assert (one.trials, one.clusters) == (other.trials, other.clusters) == (60, 9)
 
 
 @pytest.mark.parametrize("successes", [0, 60])
@@ -94,6 +110,24 @@ def test_coverage_of_paired_differences():
     truth = 0.2
     assert abs(np.mean([row.value for row in rows]) - truth) < 0.01
     assert 0.92 < np.mean([row.low <= truth <= row.high for row in rows]) < 0.985
+
+
+def test_coverage_with_few_objects_of_unequal_numbers_of_trials():
+    rng = np.random.default_rng(5)
+    objects = np.repeat(np.arange(6), [2, 4, 6, 8, 10, 12])
+    rows = [proportion(rng.random(42) < rng.beta(2, 2, 6)[objects], objects) for _ in range(1500)]
+    assert 0.93 < np.mean([row.low <= 0.5 <= row.high for row in rows]) < 0.985
+
+
+@pytest.mark.parametrize(("wins", "losses", "pairs"), [(7, 2, 30), (0, 0, 10), (3, 0, 3), (0, 3, 3), (1, 1, 2)])
+def test_independent_pairs_give_agresti_and_mins_interval(wins, losses, pairs):
+    """Wald's interval of matched pairs, b and c of n discordant, with half a pair added to each cell of the table."""
+    ours = paired_difference(np.arange(pairs) < wins, np.arange(pairs) >= pairs - losses)
+    b, c, n = wins + 0.5, losses + 0.5, pairs + 2
+    half = stats.norm.ppf(0.975) * np.sqrt(b + c - (b - c) ** 2 / n) / n
+    expected = max(-1.0, (b - c) / n - half), min(1.0, (b - c) / n + half)
+    assert (ours.low, ours.high) == pytest.approx(expected, abs=1e-12)
+    assert (ours.value, ours.pairs, ours.clusters) == (pytest.approx((wins - losses) / pairs), pairs, pairs)
 
 
 def test_swapping_the_methods_swaps_the_difference():

@@ -66,3 +66,32 @@ def test_specks_are_left_out_and_large_pieces_kept():
     q = centroid_grasp(speck, CAMERA)
     np.testing.assert_allclose(q, centroid_grasp(two, CAMERA), atol=1e-12)
     np.testing.assert_allclose(q, [0, 0, np.pi / 2], atol=0.002)
+
+
+def test_over_placements_the_centroid_has_no_bias():
+    """The patches' raster gives or takes a part of their 2 mm anywhere, and on average nothing."""
+    rng = np.random.default_rng(2)
+    errors = []
+    for u, v in rng.uniform(-0.05, 0.05, (40, 2)):
+        errors.append(centroid_grasp(box(u, v, 0.3, 0.08, 0.05, 0.01), CAMERA)[:2] - [u, v])
+    assert np.all(abs(np.mean(errors, axis=0)) < 0.0003)
+
+
+@pytest.mark.parametrize(("height", "seen"), [(0.006, True), (0.004, False)])
+def test_what_is_lower_than_5_mm_is_taken_for_table(height, seen):
+    assert object_mask(box(0, 0, 0, 0.05, 0.05, height), CAMERA).any() == seen
+
+
+@pytest.mark.parametrize(("side", "kept"), [(0.32, True), (0.30, False)])
+def test_a_piece_of_a_tenth_of_the_largest_belongs_to_the_object(side, kept):
+    depth = np.full((480, 640), CAMERA.table_depth)
+    depth[100:200, 100:200] -= 0.05
+    depth[300 : 300 + round(100 * side), 300 : 300 + round(100 * side)] -= 0.05
+    assert object_mask(depth, CAMERA)[310, 310] == kept
+
+
+def test_pieces_that_touch_at_a_corner_are_one():
+    depth = np.full((480, 640), CAMERA.table_depth)
+    depth[100:200, 100:200] -= 0.05
+    depth[200:220, 200:220] -= 0.05
+    assert object_mask(depth, CAMERA)[210, 210]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 
@@ -51,17 +49,37 @@ def test_uncertainty_repels_the_pose_from_a_lone_peak_to_a_plateau():
     np.testing.assert_allclose(q[:2], grid.from_index([23, 28, 0])[:2], atol=1e-9)
 
 
-def test_refinement_never_lowers_and_usually_raises_the_expected_score():
-    raised = 0
+@pytest.mark.parametrize(
+    ("cells", "middle", "fine", "coarse"),
+    [
+        ([(20, 9, 2), (20, 10, 2)], (20, 9.5, 2), Plan(2, 1), Plan(1, 2)),
+        ([(20, 9, 2), (21, 9, 2)], (20.5, 9, 2), Plan(2, 1), Plan(1, 2)),
+        ([(20, 9, 5), (20, 9, 0)], (20, 9, 5.5), Plan(1, 2), Plan(2, 1)),  # theta wraps
+        ([(20, 9, 0), (20, 10, 0), (21, 9, 0), (21, 10, 0)], (20.5, 9.5, 0), Plan(4, 3), Plan(3, 4)),
+    ],
+    ids=["u", "v", "theta", "both"],
+)
+def test_of_neighbours_as_good_as_each_other_refinement_finds_the_middle(cells, middle, fine, coarse):
+    """Off the middle, errors fall off the farther one sooner; where no pose is tried there, one comes near it."""
+    f, sigma = np.zeros(grid.SHAPE), (0.008, np.radians(24))  # 0.8 of a cell each
+    f[tuple(np.transpose(cells))] = 1.0
+    index = grid.to_index(robust_best_grasp(f, *sigma, fine, np.random.default_rng(0)))
+    np.testing.assert_allclose(index, middle, atol=1e-9)
+    index = grid.to_index(robust_best_grasp(f, *sigma, coarse, np.random.default_rng(0)))
+    assert 0.1 < abs(index - middle).max() < 0.6
+
+
+def test_no_pose_nearby_has_a_higher_expected_score():
+    """A search a cell around it finds none better by more than the fine grid's steps can cost."""
+    sigma = 0.006, 0.1
     for seed in range(5):
         f = np.random.default_rng(seed).random(grid.SHAPE)
-        scores = []
-        for plan in (Plan(1, 1), PLAN):
-            u, v, theta = robust_best_grasp(f, 0.006, 0.1, plan, np.random.default_rng(0))
-            scores.append(robust_function_at(f, 0.006, 0.1, [v], [u], [theta]).item())
-        assert scores[1] >= scores[0] - 1e-12
-        raised += scores[1] > scores[0] + 1e-6
-    assert raised >= 3
+        u, v, theta = robust_best_grasp(f, *sigma, PLAN, np.random.default_rng(0))
+        step = np.linspace(-1, 1, 9)
+        around = robust_function_at(
+            f, *sigma, v + step * grid.CELL_M, u + step * grid.CELL_M, theta + step * grid.CELL_RAD
+        )
+        assert around.max() <= around[4, 4, 4] + 0.002
 
 
 def test_the_pose_stays_within_q():
@@ -129,15 +147,3 @@ def test_what_is_no_grasp_function_is_refused_by_name(f, says):
     for plan in (lambda: best_grasp(f, rng), lambda: robust_best_grasp(f, 0.01, 0.3, PLAN, rng)):
         with pytest.raises(PlanningError, match=f"^grasp function: .*{says}"):
             plan()
-
-
-def test_planning_takes_a_fraction_of_a_second():
-    f = np.random.default_rng(0).random(grid.SHAPE)
-    rng = np.random.default_rng(0)
-    best = np.inf
-    for _ in range(5):
-        start = time.perf_counter()
-        best_grasp(f, rng)
-        robust_best_grasp(f, 0.01, 0.3, PLAN, rng)
-        best = min(best, time.perf_counter() - start)
-    assert best < 0.5  # tens of milliseconds; the margin is for busy machines

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from scipy.ndimage import map_coordinates
+from scipy.stats import norm
 
 from graspfn.geometry import grid
 from graspfn.planning.smoothing import fine_axes, hat_weights, robust_function_at, smooth, wrapped_weights
@@ -56,6 +58,13 @@ def test_weights_are_a_distribution_over_the_vertices(sigma):
     assert np.all(w >= 0)
     assert w.sum() == pytest.approx(1, abs=1e-9)
     assert (w * k).sum() == pytest.approx(at, abs=1e-6)
+
+
+@pytest.mark.parametrize("offset", [-9.0, 9.0, 3.5, 0.5])
+def test_the_weights_of_far_vertices_are_exact_too(offset):
+    """By quadrature; there they are differences of nearly equal numbers."""
+    slow, _ = quad(lambda x: (1 - abs(x)) * norm.pdf(x - offset), -1, 1, points=[0], epsabs=0, epsrel=1e-10)
+    assert hat_weights(np.array(offset), 1.0) == pytest.approx(slow, rel=1e-8, abs=0)
 
 
 @pytest.mark.parametrize("sigma_deg", [0, 5, 40, 200, 1e7])

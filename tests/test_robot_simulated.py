@@ -1,0 +1,95 @@
+"""The simulated robot: what it records of a trial, and that methods share its arm's error."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from graspfn.evaluation.trials import Planned, Sigma
+from graspfn.geometry.camera import Intrinsics
+from graspfn.geometry.grid import angle_difference
+from graspfn.params import Noise
+from graspfn.physics.attempt import Frame, Outcome, Result
+from graspfn.robot import simulated
+from graspfn.robot.simulated import Scene, file_name, record, see
+
+CAMERA = Intrinsics(640, 480, 570.0)
+SIGMAS = Sigma(6.2, 4.7), Sigma(20.0, 15.0)
+PLANS = [
+    (sigma, Planned(method, network, np.array(q)))
+    for sigma in SIGMAS
+    for method, network, q in (
+        ("Centroid", "", [0.02, 0.03, 0.1]),
+        ("Best Grasp", "fcn", [-0.1, 0.05, 3.1]),
+        ("Robust Best Grasp", "fcn", [0.0, -0.06, 1.6]),
+    )
+]
+
+
+class Bench:
+    """Holds whatever it is asked to grasp on the left of the image; remembers what that was."""
+
+    asked: list[tuple[np.ndarray, np.ndarray, float]]
+
+    def __init__(self, resting, rig):
+        Bench.asked = []
+
+    def grasp(self, q, shift_uv, theta, film=False):
+        Bench.asked.append((q, shift_uv, theta))
+        frames = tuple(Frame(0.01 * i, 0.1 * i, (0.5 * i, 0.7 * i), np.eye(4)) for i in range(4)) if film else ()
+        return Result(Outcome.HELD if q[0] < 0 else Outcome.LEFT, frames=frames)
+
+
+@pytest.fixture
+def recorded(monkeypatch):
+    """(object, placement, seed) -> the recordings of PLANS."""
+    monkeypatch.setattr(simulated, "Bench", Bench)
+
+    def made(name="cup", placement=0, seed=0):
+        scene = Scene(name, placement, np.array([0.01, 0.02]), 0.4, np.full((480, 640), 0.4, np.float32))
+        return record(scene, PLANS, None, None, CAMERA, seed)
+
+    return made
+
+
+def errors(recordings) -> np.ndarray:
+    """(n, 3) reached less commanded."""
+    reached, sent = (np.array([getattr(r, key) for r in recordings]) for key in ("achieved", "commanded"))
+    return np.column_stack([reached[:, :2] - sent[:, :2], angle_difference(reached[:, 2], sent[:, 2])])
+
+
+def test_a_recording_says_what_was_tried_and_what_came_of_it(recorded):
+    made = recorded(placement=3)
+    for (sigma, planned), (q, shift, theta), one in zip(PLANS, Bench.asked, made, strict=True):
+        c = one.condition
+        assert (c.object, c.placement, c.method, c.network) == ("cup", "3", planned.method, planned.network)
+        assert (c.sigma_uv_mm, c.sigma_theta_deg, c.simulated) == (sigma.uv_mm, sigma.theta_deg, True)
+        np.testing.assert_array_equal(one.commanded, planned.q)
+        np.testing.assert_array_equal(one.achieved, q)
+        assert (shift.tolist(), theta) == ([0.01, 0.02], 0.4)
+        assert one.success == (q[0] < 0)
+        np.testing.assert_allclose(one.joint_time_s, [0, 0.01, 0.02, 0.03])
+        np.testing.assert_allclose(one.joint_positions, np.outer(range(4), [0.1, 0.5, 0.7]))
+    assert {one.success for one in made} == {True, False}
+    assert len({file_name(one.condition) for one in [*made, *recorded(placement=4), *recorded("jug")]}) == 18
+
+
+def test_methods_share_the_arms_error_and_nothing_else_does(recorded):
+    apart = []
+    for made in (recorded(), recorded(placement=1), recorded("jug"), recorded(seed=1)):
+        for sigma, cell in zip(SIGMAS, (errors(made[:3]), errors(made[3:])), strict=True):
+            np.testing.assert_allclose(cell, cell[:1].repeat(3, axis=0), atol=1e-12)
+            apart.append(cell[0] / [sigma.uv_m, sigma.uv_m, sigma.theta_rad])
+    for axis in np.transpose(apart):
+        assert np.diff(np.sort(axis)).min() > 1e-9
+    assert np.all(abs(np.array(apart)) < 5)
+
+
+def test_the_camera_errs_as_eq_2_says_and_loses_the_shadow_of_an_object():
+    depth = np.full((480, 640), CAMERA.table_depth, np.float32)
+    depth[200:280, 300:340] -= 0.1
+    seen = see(depth, Noise(0.0, 1.5), CAMERA, np.random.default_rng(0))
+    assert seen.dtype == np.float32
+    lost = np.isnan(seen)
+    assert lost[200:280].sum() > 10 * lost[:80].sum()
+    np.testing.assert_allclose((seen - depth)[~lost].std(), 0.0015, rtol=0.01)
