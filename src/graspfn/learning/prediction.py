@@ -16,22 +16,29 @@ from graspfn.workflow.cores import cores
 BATCH = 16
 
 
-def predict(network: GraspNetwork, inputs: np.ndarray, device: torch.device | None = None) -> np.ndarray:
-    """inputs: (M, 132, 176) float32 of `imaging.network_input` -> scores (M, 33, 44, 6) float32 in [0, 1].
+def predict(
+    network: GraspNetwork, inputs: np.ndarray, device: torch.device | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """inputs: (M, 132, 176) float32 of `imaging.network_input` -> scores (M, 33, 44, 6) float32 in [0, 1], and uint8.
 
     A pose's score is its expectation under the predicted probabilities of 0, 0.2, ..., 1: the mean success rate that
-    smoothing then averages, where the single likeliest class would jump. Bits do not depend on the number of cores.
+    smoothing then averages, where the single likeliest class would jump. That class, as the paper scores (V), comes
+    second, 0 to 5. Bits do not depend on the number of cores.
     """
     device = device or torch.device("cpu")
     network = network.to(device).eval()
     values = torch.linspace(0, 1, CLASSES, device=device)
 
-    def scores(start: int) -> np.ndarray:
+    def batch_of(start: int) -> tuple[np.ndarray, np.ndarray]:
         batch = torch.from_numpy(np.ascontiguousarray(inputs[start : start + BATCH], dtype=np.float32))
         with torch.inference_mode():
             logits = network(batch[:, None].to(device))
-            return (logits.softmax(dim=-1) @ values).cpu().numpy()
+            scores = (logits.softmax(dim=-1) @ values).cpu().numpy()
+            return scores, logits.argmax(dim=-1).to(torch.uint8).cpu().numpy()
 
     # Whole batches side by side, a thread each: threads that share a sum would show in its last bits.
     with torch_threads(1), ThreadPoolExecutor(cores() if device.type == "cpu" else 1) as threads:
-        return np.concatenate([np.empty((0, *SHAPE), np.float32), *threads.map(scores, range(0, len(inputs), BATCH))])
+        parts = list(threads.map(batch_of, range(0, len(inputs), BATCH)))
+    nothing = np.empty((0, *SHAPE), np.float32), np.empty((0, *SHAPE), np.uint8)
+    scores, likeliest = (np.concatenate(every) for every in zip(nothing, *parts, strict=True))
+    return scores, likeliest
