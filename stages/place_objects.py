@@ -49,7 +49,9 @@ def main(params: Declared) -> None:
         if not (table["status"] == RESTING).any():
             raise PlacementError(f"{split}: none of {len(table)} objects came to rest ({table['status'].iloc[0]}, ...)")
         smaller = (table["fit_scale"] < 1).sum()
-        print(f"{split}: {(table['status'] == RESTING).sum()} of {len(table)} objects rest, {smaller} made smaller to fit")
+        print(
+            f"{split}: {(table['status'] == RESTING).sum()} of {len(table)} objects rest, {smaller} made smaller to fit"
+        )
         for left in table[table["status"] != RESTING].itertuples():
             print(f"left out {left.id}: {left.status}")
 

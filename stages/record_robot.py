@@ -1,71 +1,73 @@
-"""Record robot trials, one MCAP each: executed by the simulated robot, or taken over from a folder (paper V-B)."""
+"""Record robot trials, one MCAP each: executed by the simulated robot, or taken over from a folder (paper VII-B)."""
 
 import shutil
-from collections.abc import Hashable, Iterator
 from pathlib import Path
-from typing import Any
 
-from graspfn.evaluation.bench import Scene
-from graspfn.evaluation.planner import GraspFunction, Planner
+import numpy as np
+
+from graspfn.evaluation.planner import Planner
 from graspfn.geometry.camera import Intrinsics
-from graspfn.geometry.transforms import T_world_scene
-from graspfn.imaging.holes import fill_holes
-from graspfn.imaging.network_input import network_input
-from graspfn.imaging.placement import random_placement
 from graspfn.imaging.render import renderer
 from graspfn.learning.device import pick_device
-from graspfn.learning.prediction import predict
 from graspfn.learning.weights import load_network
-from graspfn.meshes.placed import load_resting, resting_rows
-from graspfn.meshes.store import read_manifest
 from graspfn.params import Declared
 from graspfn.physics.world import Rig
-from graspfn.planning.uncertainty import PoseUncertainty
 from graspfn.robot.read import read_trial, recordings
-from graspfn.robot.record import write_trial
-from graspfn.robot.simulated import Seen, file_name, record, see
-from graspfn.workflow.files import keep_only
-from graspfn.workflow.parallel import map_objects
-from graspfn.workflow.seeds import generator
+from graspfn.robot.record import trial_bytes
+from graspfn.robot.scenes import Scenes
+from graspfn.robot.simulated import file_name, record
+from graspfn.robot.trial import TrialRecording
+from graspfn.workflow.files import atomic, keep_only
+from graspfn.workflow.resume import Arrays, each_object
+from graspfn.workflow.shards import code_digest, shard_key, shard_path
 from graspfn.workflow.stage import stage
 
-MESHES, PLACED = Path("data/objects/test"), Path("data/placed/test.parquet")
-COLLISION, NETWORKS, OUT = Path("data/collision/test"), Path("data/networks"), Path("data/recordings")
+DATA, NETWORKS, OUT = Path("data"), Path("data/networks"), Path("data/recordings")
+ROOMS = ("geometry", "meshes", "physics", "imaging", "learning", "planning", "evaluation", "robot")
 
 
-def robot_objects(params: Declared) -> list[dict[Hashable, Any]]:
-    """Lines of placed objects: the first that rest in the order of selection, which takes classes in turn."""
-    order = read_manifest(MESHES).sort_values("seed_index")["id"].tolist()
-    placed = resting_rows(PLACED)
-    return [placed[name] for name in order if name in placed][: params.robot.objects]
-
-
-def simulated_tasks(objects: list[dict[Hashable, Any]], params: Declared) -> Iterator[tuple[str, tuple[Any, ...]]]:
-    """Every scene with the plans of all methods under all conditions."""
-    camera, render = Intrinsics.from_params(params.camera), renderer(params.camera.renderer)
-    device = pick_device(params.compute.device)
-    networks = {name: load_network(NETWORKS / f"{name}-{params.training_seeds[0]}") for name in params.networks}
+def scenes_of(params: Declared) -> Scenes:
+    seed, camera = params.training_seeds[0], Intrinsics.from_params(params.camera)
+    networks = {name: (seed, load_network(NETWORKS / f"{name}-{seed}")) for name in params.networks}
     cells = list(zip(params.robot.sigma_uv_mm, params.robot.sigma_theta_deg, strict=True))
-    planner = Planner(params.plan, camera, params.seed)
-    rig = Rig(params.physics, params.gripper, params.attempt)
-    for row in objects:
-        name, resting = row["id"], load_resting(MESHES, COLLISION, row)
-        mesh, T = resting.mesh, resting.T_world_object
-        centred = render(mesh, T, camera)
-        for placement in range(params.robot.placements):
-            rng = generator(params.seed, "record_robot", name, placement)
-            shift, theta = random_placement(centred, camera, rng)
-            depth = see(render(mesh, T_world_scene(shift, theta) @ T, camera), params.noise, camera, rng)
-            scene = Scene(f"{name}-{placement}", fill_holes(depth, camera), shift, theta)
-            inputs = network_input(scene.depth, camera)[None]
-            functions = [GraspFunction(key, params.training_seeds[0], predict(net, inputs, device)[0][0]) for key, net in networks.items()]
-            plans = planner.plans(scene, functions, [PoseUncertainty.of(*cell) for cell in cells])
-            yield scene.name, (Seen(name, placement, depth, scene), cells, plans, resting, rig, camera, params.seed)
+    return Scenes(
+        DATA,
+        params.robot.objects,
+        params.robot.placements,
+        networks,
+        cells,
+        Planner(params.plan, camera, params.seed),
+        params.noise,
+        renderer(params.camera.renderer),
+        Rig(params.physics, params.gripper, params.attempt),
+        pick_device(params.compute.device),
+    )
+
+
+def simulate(params: Declared) -> None:
+    scenes, robot, topics = scenes_of(params), params.robot, params.topics
+    weights = [NETWORKS / f"{name}-{params.training_seeds[0]}/weights.safetensors" for name in params.networks]
+    common = shard_key(code_digest("seeds.py", *ROOMS), *weights, topics, robot.depth_encoding)
+    shards = {key: shard_path("record_robot", shard_key(common, *scenes.depends(key))) for key in scenes.keys}
+
+    def packed(parts: list[list[TrialRecording]]) -> Arrays:
+        return {
+            file_name(trial.condition): np.frombuffer(trial_bytes(trial, topics, robot.depth_encoding), np.uint8)
+            for trial in parts[0]
+        }
+
+    done, _ = each_object(
+        "record_robot", shards, record, lambda key: [scenes.task(key)], packed, params.compute, robot.max_failed
+    )
+    for files in done.values():
+        for name, content in files.items():
+            with atomic(OUT / name) as part:
+                part.write_bytes(content.tobytes())
 
 
 @stage("record_robot")
 def main(params: Declared) -> None:
-    keep_only(NETWORKS, params.networks)
+    keep_only(NETWORKS, [f"{name}-{seed}" for name in params.networks for seed in params.training_seeds])
     shutil.rmtree(OUT, ignore_errors=True)
     OUT.mkdir(parents=True)
     if params.robot.source == "folder":
@@ -73,14 +75,7 @@ def main(params: Declared) -> None:
             read_trial(path, params.topics)  # refuses, before anything runs on it, what cannot be analysed
             shutil.copyfile(path, OUT / path.name)
         return
-    objects = robot_objects(params)
-    scenes = len(objects) * params.robot.placements
-    for name, result in map_objects(record, simulated_tasks(objects, params), scenes, params.compute, "record"):
-        if isinstance(result, Exception):
-            print(f"left out {name}: {result}")
-            continue
-        for trial in result:
-            write_trial(OUT / file_name(trial.condition), trial, params.topics, params.robot.depth_encoding)
+    simulate(params)
 
 
 if __name__ == "__main__":

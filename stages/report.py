@@ -11,7 +11,7 @@ from graspfn.workflow.stage import stage, timings
 
 @stage("report")
 def main(params: Declared) -> None:
-    keep_only(Path("data/pretrained"), params.networks)
+    keep_only(Path("data/pretrained"), [f"{name}-{seed}" for name in params.networks for seed in params.training_seeds])
     write_report(load_inputs(Path("data"), params, timings()), Path("reports"))
 
 

@@ -51,14 +51,18 @@ def test_everything_held_is_certain_within_q_and_lost_beyond() -> None:
 def test_a_half_turn_of_the_pose_changes_nothing() -> None:
     attempts = grid.sample_cells(3, np.random.default_rng(1))
     one, other = (
-        expected_success(np.array([0.01, 0.0, angle]), 0.01, 0.5, Attempts(attempts, block(attempts))) for angle in (0.1, 0.1 + np.pi)
+        expected_success(np.array([0.01, 0.0, angle]), 0.01, 0.5, Attempts(attempts, block(attempts)))
+        for angle in (0.1, 0.1 + np.pi)
     )
     assert one.value == pytest.approx(other.value, abs=1e-9)
 
 
 def test_effective_attempts_grow_with_the_uncertainty_and_tell_when_there_are_few() -> None:
     attempts = grid.sample_cells(5, np.random.default_rng(2))
-    sizes = [expected_success(np.zeros(3), s / 1e3, np.radians(t), Attempts(attempts, block(attempts))).effective for s, t in CELLS]
+    sizes = [
+        expected_success(np.zeros(3), s / 1e3, np.radians(t), Attempts(attempts, block(attempts))).effective
+        for s, t in CELLS
+    ]
     # Of a Gaussian in three dimensions: density of attempts times (4 pi)^(3/2) sigma^3.
     ideal = [5 * (4 * np.pi) ** 1.5 * (s / 10) ** 2 * t / 30 for s, t in CELLS[:2]]
     assert sizes[:2] == pytest.approx(ideal, rel=0.35) and sizes == sorted(sizes)

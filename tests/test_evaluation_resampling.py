@@ -14,7 +14,9 @@ def test_of_one_network_the_interval_is_students() -> None:
     found = resampled(values)
     half = stats.t.ppf(0.975, 39) * values.std(ddof=1) / np.sqrt(40)
     assert found.value == pytest.approx(values.mean())
-    assert found.high - found.value == pytest.approx(half, rel=0.04) and found.value - found.low == pytest.approx(half, rel=0.04)
+    assert found.high - found.value == pytest.approx(half, rel=0.04) and found.value - found.low == pytest.approx(
+        half, rel=0.04
+    )
 
 
 def test_networks_that_differ_widen_the_interval_and_copies_of_one_do_not() -> None:
@@ -61,4 +63,4 @@ def test_rates_stay_between_none_and_all_and_are_never_certain() -> None:
     near = resampled_rate(np.array([[1.0]] * 39 + [[0.9]]))
     assert 0.9 < near.low < near.value < near.high <= 1
     assert resampled_rate(np.array([[0.5]])).low < 0.2
-    assert Z95 == pytest.approx(1.96, abs=0.001)
+    assert pytest.approx(1.96, abs=0.001) == Z95

@@ -153,7 +153,9 @@ class Settle:
 
     drop_mm: Annotated[float, Key("height of the lowest point at the drop, mm", at_least=0)]
     limit_s: Annotated[float, Key("simulated time after which an object counts as never resting, s", above=0)]
-    fit: Annotated[bool, Key("objects that do not fit the gripper are made smaller or dropped anew; false: all are kept")]
+    fit: Annotated[
+        bool, Key("objects that do not fit the gripper are made smaller or dropped anew; false: all are kept")
+    ]
     room_mm: Annotated[float, Key("room that an object has to leave between the open fingers, mm", at_least=0)]
 
 
@@ -171,7 +173,9 @@ class Label:
     """Labelling of every pose of Q (paper III-C)."""
 
     attempts: Annotated[int, Key("attempts per pose, drawn uniformly inside its cell", at_least=1, at_most=255)]
-    test: Annotated[int, Key("test objects to label as well, the first: their true function is Table 1's ceiling", at_least=1)]
+    test: Annotated[
+        int, Key("test objects to label as well, the first: their true function is Table 1's ceiling", at_least=1)
+    ]
     max_failed: Annotated[float, Key("fraction of objects that may fail before the stage does", at_least=0, at_most=1)]
 
 
@@ -242,6 +246,7 @@ class Robot:
     folder: Annotated[str, Key("directory of .mcap files, for source: folder")]
     objects: Annotated[int, Key("test objects the simulated robot grasps", at_least=1)]
     placements: Annotated[int, Key("placements of each object", at_least=1)]
+    max_failed: Annotated[float, Key("fraction of scenes that may fail before the stage does", at_least=0, at_most=1)]
     sigma_uv_mm: Annotated[tuple[float, ...], Key("std of the reached position in each condition, mm", at_least=0)]
     sigma_theta_deg: Annotated[tuple[float, ...], Key("std of the reached angle in each condition, deg", at_least=0)]
     depth_encoding: Annotated[str, Key("encoding of recorded depth images", one_of=("16UC1", "32FC1"))]

@@ -58,7 +58,9 @@ class Cases:
         """All that the trials of an object follow from, for the name of its shard."""
         line = self._index.loc[name].to_dict()
         files = [folder / f"{name}.ply" for folder in (self._meshes, self._collisions)]
-        arrays = [array for f in self._functions(name, line["row"]) for array in (f.f, f.likeliest) if array is not None]
+        arrays = [
+            array for f in self._functions(name, line["row"]) for array in (f.f, f.likeliest) if array is not None
+        ]
         known = self._known(name)
         return [name, *files, self._placed[name], line, self._images[line["row"]], self.protocol, *arrays, *known]
 

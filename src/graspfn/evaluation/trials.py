@@ -106,9 +106,7 @@ def _trials(
         )
 
 
-def _expected(
-    scene: Scene, planned: Planned, uncertainty: PoseUncertainty, attempts: Attempts | None
-) -> Expected:
+def _expected(scene: Scene, planned: Planned, uncertainty: PoseUncertainty, attempts: Attempts | None) -> Expected:
     """What the object's attempts say; nothing of its true function, which was made of them and chose by them."""
     if planned.q is None or attempts is None or planned.network == TRUE or not uncertainty.spreads:
         return UNKNOWN

@@ -56,7 +56,10 @@ def render_depth(mesh: trimesh.Trimesh, T_world_object: np.ndarray, intrinsics: 
     return depth.astype(np.float32)
 
 
-def renderer(name: str) -> Callable[[trimesh.Trimesh, np.ndarray, Intrinsics], np.ndarray]:
+Renderer = Callable[[trimesh.Trimesh, np.ndarray, Intrinsics], np.ndarray]
+
+
+def renderer(name: str) -> Renderer:
     """The function that renders depth images for `camera.renderer`: embree or opengl."""
     if name == "embree":
         return render_depth

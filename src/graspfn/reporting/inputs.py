@@ -113,10 +113,10 @@ def _labelled(data: Path, labels: Mapping[str, np.ndarray], params: Any) -> Labe
     return LabelledExample(name, depth, observe(depth, params.noise, params.seed, name), f)
 
 
-def _predicted(data: Path, networks: tuple[str, ...]) -> tuple[PredictedExample, ...]:
+def _predicted(data: Path, networks: dict[str, str]) -> tuple[PredictedExample, ...]:
     index = pd.read_parquet(data / "images/test.parquet")
     images = np.load(data / "images/test.npy", mmap_mode="r")
-    functions = {network: read_npz(data / f"functions/{network}.npz")["scores"] for network in networks}
+    functions = {network: read_npz(data / f"functions/{run}.npz")["scores"] for network, run in networks.items()}
     rows = [index["row"].tolist()[position] for position in spread(index["class"], SHOWN_TEST)]
     names = index.set_index("row")["id"]
     return tuple(
@@ -181,14 +181,15 @@ def _recorded(data: Path, trials: pd.DataFrame, params: Any) -> Recorded:
     return Recorded(camera, first.depth, fill_holes(first.depth, None), tuple(grasps))
 
 
-def _histories(folder: Path, networks: tuple[str, ...]) -> dict[str, pd.DataFrame]:
-    return {network: pd.read_csv(folder / network / "history.csv") for network in networks}
+def _histories(folder: Path, networks: dict[str, str]) -> dict[str, pd.DataFrame]:
+    return {network: pd.read_csv(folder / run / "history.csv") for network, run in networks.items()}
 
 
 def load_inputs(data: Path, params: Any, stage_seconds: Mapping[str, float]) -> ReportInputs:
     """Read the files under `data`; of images only the few rows that figures show. Films one simulated grasp."""
-    labels = read_npz(data / "labels.npz")
+    labels = read_npz(data / "labels/train.npz")
     labelled = _labelled(data, labels, params)
+    networks = {network: f"{network}-{params.training_seeds[0]}" for network in params.networks}  # the first start
     robot_trials = pd.read_parquet(data / "robot_trials.parquet")
     return ReportInputs(
         data=data,
@@ -198,14 +199,14 @@ def load_inputs(data: Path, params: Any, stage_seconds: Mapping[str, float]) -> 
         manifests={split: read_manifest(data / "objects" / split) for split in SPLITS},
         placed={split: pd.read_parquet(data / "placed" / f"{split}.parquet") for split in SPLITS},
         rejects=pd.read_parquet(data / "objects/rejects.parquet"),
-        account=pd.read_parquet(data / "label_account.parquet"),
-        pretraining=_histories(data / "pretrained", params.networks),
-        training=_histories(data / "networks", params.networks),
+        account=pd.read_parquet(data / "labels/train.parquet"),
+        pretraining=_histories(data / "pretrained", networks),
+        training=_histories(data / "networks", networks),
         trials=pd.read_parquet(data / "trials.parquet"),
         robot_trials=robot_trials,
         robot_uncertainty=pd.read_parquet(data / "robot_uncertainty.parquet"),
         labelled=labelled,
-        predicted=_predicted(data, params.networks),
+        predicted=_predicted(data, networks),
         film=_film(data, labels, labelled.id, params),
         films=_films(data, labels, params),
         recorded=_recorded(data, robot_trials, params),

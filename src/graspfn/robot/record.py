@@ -6,6 +6,7 @@ The bytes depend on the trial alone: times are simulated, from one second after 
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -46,13 +47,20 @@ def _timeline(
     yield end, topics.outcome, "std_msgs/msg/Bool", {"data": bool(trial.success)}
 
 
+def trial_bytes(trial: TrialRecording, topics: Topics, depth_encoding: str) -> bytes:
+    """The MCAP file of a trial; depth_encoding: 16UC1 (mm, 0 invalid) or 32FC1 (m, NaN invalid)."""
+    stream = io.BytesIO()
+    writer = Writer(stream, compression=CompressionType.ZSTD)
+    planned = {} if trial.commanded is not None else {PLANNED: "false"}
+    writer.add_metadata(METADATA, trial.condition.to_metadata() | planned)
+    schemas = {name: writer.register_msgdef(name, text) for name, text in messages.SCHEMAS.items()}
+    for sequence, (time, topic, kind, message) in enumerate(_timeline(trial, topics, depth_encoding)):
+        writer.write_message(topic, schemas[kind], message, log_time=time, sequence=sequence)
+    writer.finish()
+    return stream.getvalue()
+
+
 def write_trial(path: Path, trial: TrialRecording, topics: Topics, depth_encoding: str) -> None:
-    """Write `trial` to `path`, whole or not at all; depth_encoding: 16UC1 (mm, 0 invalid) or 32FC1 (m, NaN invalid)."""
-    with atomic(path) as part, part.open("wb") as stream:
-        writer = Writer(stream, compression=CompressionType.ZSTD)
-        planned = {} if trial.commanded is not None else {PLANNED: "false"}
-        writer.add_metadata(METADATA, trial.condition.to_metadata() | planned)
-        schemas = {name: writer.register_msgdef(name, text) for name, text in messages.SCHEMAS.items()}
-        for sequence, (time, topic, kind, message) in enumerate(_timeline(trial, topics, depth_encoding)):
-            writer.write_message(topic, schemas[kind], message, log_time=time, sequence=sequence)
-        writer.finish()
+    """Write `trial` to `path`, whole or not at all, as `trial_bytes` has it."""
+    with atomic(path) as part:
+        part.write_bytes(trial_bytes(trial, topics, depth_encoding))

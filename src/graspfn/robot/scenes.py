@@ -1,0 +1,86 @@
+"""The scenes that the simulated robot meets: test objects at random placements, seen and planned on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from graspfn.evaluation.bench import Scene
+from graspfn.evaluation.planner import GraspFunction, Planner
+from graspfn.geometry.transforms import T_world_scene
+from graspfn.imaging.holes import fill_holes
+from graspfn.imaging.network_input import network_input
+from graspfn.imaging.placement import random_placement
+from graspfn.imaging.render import Renderer
+from graspfn.learning.networks import GraspNetwork
+from graspfn.learning.prediction import predict
+from graspfn.meshes.placed import load_resting, resting_rows
+from graspfn.meshes.store import read_manifest
+from graspfn.params import Noise
+from graspfn.physics.world import Rig
+from graspfn.planning.uncertainty import PoseUncertainty
+from graspfn.robot.simulated import Seen, see
+from graspfn.workflow.seeds import generator
+
+
+class Scenes:
+    """So many placements of the first test objects, in the order of selection, which takes classes in turn.
+
+    networks: by name, each with its training seed. cells: (sigma_uv [mm], sigma_theta [deg]) of each condition.
+    """
+
+    def __init__(
+        self,
+        data: Path,
+        objects: int,
+        placements: int,
+        networks: Mapping[str, tuple[int, GraspNetwork]],
+        cells: list[tuple[float, float]],
+        planner: Planner,
+        noise: Noise,
+        render: Renderer,
+        rig: Rig,
+        device: torch.device,
+    ):
+        self.networks, self.cells, self.planner, self.noise = networks, cells, planner, noise
+        self.render, self.rig, self.device = render, rig, device
+        self._folders = data / "objects/test", data / "collision/test"
+        self._placed = resting_rows(data / "placed/test.parquet")
+        order = read_manifest(self._folders[0]).sort_values("seed_index")["id"]
+        chosen = [name for name in order if name in self._placed][:objects]
+        self.keys = {f"{name}-{placement}": (name, placement) for name in chosen for placement in range(placements)}
+
+    def depends(self, key: str) -> list[Any]:
+        """All that the trials of a scene follow from but the networks, for the name of its shard."""
+        name, placement = self.keys[key]
+        files = [folder / f"{name}.ply" for folder in self._folders]
+        return [*files, self._placed[name], name, placement, self.cells, self.planner, self.noise, self.rig]
+
+    def task(self, key: str) -> tuple[Any, ...]:
+        """Arguments of `simulated.record`."""
+        name, placement = self.keys[key]
+        resting, camera, seed = (
+            load_resting(*self._folders, self._placed[name]),
+            self.planner.intrinsics,
+            self.planner.seed,
+        )
+        mesh, T = resting.mesh, resting.T_world_object
+        rng = generator(seed, "record_robot", name, placement)
+        shift, theta = random_placement(self.render(mesh, T, camera), camera, rng)
+        raw = see(self.render(mesh, T_world_scene(shift, theta) @ T, camera), self.noise, camera, rng)
+        scene = Scene(key, fill_holes(raw, camera), shift, theta)
+        plans = self.planner.plans(
+            scene, self._functions(scene.depth), [PoseUncertainty.of(*cell) for cell in self.cells]
+        )
+        return Seen(name, placement, raw, scene), self.cells, plans, resting, self.rig, camera, seed
+
+    def _functions(self, depth: np.ndarray) -> list[GraspFunction]:
+        inputs = network_input(depth, self.planner.intrinsics)[None]
+        return [
+            GraspFunction(name, seed, predict(network, inputs, self.device)[0][0])
+            for name, (seed, network) in self.networks.items()
+        ]
