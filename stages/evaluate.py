@@ -24,7 +24,7 @@ ORDER = ["id", "sigma_theta_deg", "sigma_uv_mm", "method", "network", "training_
 
 def packed(parts: list[list[Trial]]) -> Arrays:
     table = pd.DataFrame(parts[0])
-    return {name: np.array(column.tolist()) for name, column in table.items()}
+    return {str(name): np.array(column.tolist()) for name, column in table.items()}
 
 
 @stage("evaluate")

@@ -23,7 +23,7 @@ def test_networks_that_differ_widen_the_interval_and_copies_of_one_do_not() -> N
     rng = np.random.default_rng(2)
     objects = rng.normal(0, 0.1, (60, 1))
     one, copies = resampled(objects), resampled(np.repeat(objects, 3, axis=1))
-    apart = resampled(objects + [[-0.2, 0.0, 0.2]])
+    apart = resampled(objects + np.array([[-0.2, 0.0, 0.2]]))
     assert copies.high - copies.low == pytest.approx(one.high - one.low, rel=0.03)
     assert apart.high - apart.low > 3 * (one.high - one.low)
 

@@ -70,7 +70,7 @@ def _near(q: np.ndarray, sigma_uv_m: float) -> tuple[slice, slice]:
 def _density(offset: np.ndarray, sigma_uv_m: float, sigma_theta_rad: float) -> np.ndarray:
     """Density (...) of reaching so far from the commanded pose (..., 3), up to a factor; theta wraps."""
     uv = np.exp(-0.5 * (offset[..., :2] ** 2).sum(axis=-1) / sigma_uv_m**2)
-    turned = grid.angle_difference(offset[..., 2], 0.0)
+    turned = grid.angle_difference(offset[..., 2], np.zeros(()))
     turns = (turned + turn * np.pi for turn in range(-TURNS, TURNS + 1))
     return uv * sum(np.exp(-0.5 * (angle / sigma_theta_rad) ** 2) for angle in turns)
 

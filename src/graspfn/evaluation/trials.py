@@ -89,20 +89,21 @@ def _trials(
             result = bench.grasp(reached)
             held, outcome = result.held, result.outcome.value
         yield Trial(
-            scene.name,
-            planned.method,
-            planned.network,
-            planned.training_seed,
-            *cell,
-            i,
-            *commanded.tolist(),
-            *reached.tolist(),
-            held,
-            outcome,
-            planned.promise,
-            expected.value,
-            expected.error,
-            expected.effective,
+            id=scene.name,
+            method=planned.method,
+            network=planned.network,
+            training_seed=planned.training_seed,
+            sigma_uv_mm=cell[0],
+            sigma_theta_deg=cell[1],
+            error=i,
+            **dict(zip(("u_m", "v_m", "theta_rad"), commanded.tolist(), strict=True)),
+            **dict(zip(("reached_u_m", "reached_v_m", "reached_theta_rad"), reached.tolist(), strict=True)),
+            success=held,
+            outcome=outcome,
+            promise=planned.promise,
+            expected=expected.value,
+            expected_error=expected.error,
+            effective=expected.effective,
         )
 
 
