@@ -11,7 +11,7 @@ from trimesh.creation import box, cylinder, icosphere
 from graspfn.meshes.placed import RESTING, Resting
 from graspfn.params import Params
 from graspfn.physics.settling import settle
-from graspfn.workflow.seeds import generator
+from graspfn.seeds import generator
 
 TRIES = 10  # orientations in which a hull is dropped: some roll away
 SOLIDS = {

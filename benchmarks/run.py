@@ -28,7 +28,7 @@ from graspfn.params import Params
 from graspfn.physics.attempt import Grasper, Outcome, Result
 from graspfn.physics.labelling import ENDS, OUTCOMES, RETRIED, label_object
 from graspfn.workflow.cores import cores
-from graspfn.workflow.seeds import generator
+from graspfn.seeds import generator
 
 
 @dataclass(frozen=True)

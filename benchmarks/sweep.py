@@ -29,7 +29,7 @@ from graspfn.physics.world import Rig
 from graspfn.planning.methods import robust_best_grasp
 from graspfn.planning.uncertainty import PoseUncertainty
 from graspfn.workflow.cores import cores
-from graspfn.workflow.seeds import generator
+from graspfn.seeds import generator
 
 SIGMA = PoseUncertainty.of(uv_mm=5.0, theta_deg=10.0)
 TRIALS = 20  # of each object's best pose

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.learning.augmentation import augmentation_table
 from graspfn.params import Declared
 from graspfn.workflow.files import write_parquet

@@ -9,7 +9,7 @@ import pandas as pd
 from graspfn.evaluation.cases import Cases, Protocol, try_object
 from graspfn.evaluation.planner import Planner
 from graspfn.evaluation.trials import Trial
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.params import Declared
 from graspfn.physics.world import Rig
 from graspfn.workflow.files import keep_only, write_parquet

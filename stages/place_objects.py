@@ -11,7 +11,7 @@ from graspfn.params import Declared, Gripper, Physics, Settle
 from graspfn.physics.fitting import Placed, place
 from graspfn.physics.gripper import Kinematics
 from graspfn.workflow.parallel import map_objects
-from graspfn.workflow.seeds import generator
+from graspfn.seeds import generator
 from graspfn.workflow.stage import stage
 
 OBJECTS, OUT = Path("data/objects"), Path("data/placed")

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.learning.dataset import ClassSamples
 from graspfn.learning.networks import build_network
 from graspfn.learning.pretraining import class_indices, pretrain

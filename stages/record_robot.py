@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from graspfn.evaluation.planner import Planner
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.render import renderer
 from graspfn.learning.device import pick_device
 from graspfn.learning.weights import load_network
@@ -23,7 +23,7 @@ from graspfn.workflow.shards import code_digest, shard_key, shard_path
 from graspfn.workflow.stage import stage
 
 DATA, NETWORKS, OUT = Path("data"), Path("data/networks"), Path("data/recordings")
-ROOMS = ("geometry", "meshes", "physics", "imaging", "learning", "planning", "evaluation", "robot")
+ROOMS = ("seeds.py", "geometry", "meshes", "physics", "imaging", "learning", "planning", "evaluation", "robot")
 
 
 def scenes_of(params: Declared) -> Scenes:
@@ -47,7 +47,7 @@ def scenes_of(params: Declared) -> Scenes:
 def simulate(params: Declared) -> None:
     scenes, robot, topics = scenes_of(params), params.robot, params.topics
     weights = [NETWORKS / f"{name}-{params.training_seeds[0]}/weights.safetensors" for name in params.networks]
-    common = shard_key(code_digest("seeds.py", *ROOMS), *weights, topics, robot.depth_encoding)
+    common = shard_key(code_digest(*ROOMS), *weights, topics, robot.depth_encoding)
     shards = {key: shard_path("record_robot", shard_key(common, *scenes.depends(key))) for key in scenes.keys}
 
     def packed(parts: list[list[TrialRecording]]) -> Arrays:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.learning.dataset import GraspSamples
 from graspfn.learning.training import resources, train
 from graspfn.learning.weights import load_network, save_network

@@ -11,7 +11,7 @@ from test_robot_recording import TOPICS, trial
 
 from graspfn.evaluation.trials import NO_GRASP, Sigma, plan_all, trials_of_object
 from graspfn.geometry import grid
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.params import Plan
 from graspfn.physics.attempt import Outcome, Result
 from graspfn.planning.smoothing import PlanningError

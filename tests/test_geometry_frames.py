@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from graspfn.geometry import grid
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.transforms import T_world_grasp, T_world_scene, apply, move_pose, unmove_pose
 from graspfn.params import Camera
 

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 from scipy import ndimage
 
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.holes import BEHIND_M, NEAR_M, DepthError, fill_holes, holes
 from graspfn.imaging.network_input import network_input
 from graspfn.imaging.noise import add_noise

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.grid import axes
 from graspfn.imaging.network_input import INPUT_SHAPE, area_average, network_input
 

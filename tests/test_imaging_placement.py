@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.transforms import T_world_scene, translation
-from graspfn.geometry.warp import move_image
+from graspfn.imaging.warp import move_image
 from graspfn.imaging.placement import FlatObject, random_placement, random_placements, shift_range, visible_hull
 from graspfn.imaging.render import render_depth
 

@@ -5,9 +5,9 @@ import pytest
 import trimesh
 from trimesh.transformations import random_rotation_matrix
 
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.transforms import T_world_scene, rotation_z, translation
-from graspfn.geometry.warp import move_image
+from graspfn.imaging.warp import move_image
 from graspfn.imaging import opengl
 from graspfn.imaging.holes import NEAR_M
 from graspfn.imaging.opengl import OpenGLError, render_depth_opengl

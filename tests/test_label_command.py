@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from graspfn.cli import app
 from graspfn.geometry import grid
 from graspfn.geometry.transforms import apply
-from graspfn.meshes.reading import read_mesh
+from graspfn.selection.reading import read_mesh
 from graspfn.physics.labelling import ENDS, OUTCOMES
 from graspfn.workflow.files import read_npz
 

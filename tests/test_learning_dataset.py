@@ -6,9 +6,9 @@ import pytest
 import torch
 import trimesh
 
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.transforms import translation
-from graspfn.geometry.warp import move_function, move_image
+from graspfn.imaging.warp import move_function, move_image
 from graspfn.imaging.network_input import INPUT_SHAPE, network_input
 from graspfn.imaging.noise import add_noise
 from graspfn.imaging.render import render_depth

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.learning.augmentation import augmentation_table
 from graspfn.learning.dataset import ClassSamples
 from graspfn.learning.networks import build_network

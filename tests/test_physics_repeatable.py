@@ -23,7 +23,7 @@ from graspfn.params import Compute
 from graspfn.physics.labelling import Labels, label_object
 from graspfn.physics.world import Rig
 from graspfn.workflow.parallel import map_objects
-from graspfn.workflow.seeds import generator
+from graspfn.seeds import generator
 
 # Dask leaves sockets to the garbage collector.
 pytestmark = [

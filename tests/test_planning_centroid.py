@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from graspfn.geometry import grid
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.planning.centroid import centroid_grasp, object_mask
 
 CAMERA = Intrinsics(640, 480, 570.0)

@@ -6,7 +6,7 @@ import pytest
 import trimesh
 
 from graspfn.geometry import grid
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.physics.attempt import Frame
 from graspfn.reporting import (
     figures,

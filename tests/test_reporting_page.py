@@ -16,7 +16,7 @@ import pytest
 import trimesh
 
 from graspfn.geometry import grid
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.render import render_depth
 from graspfn.meshes.placed import T_world_object, placed_row, write_placed
 from graspfn.meshes.store import Object, write_objects

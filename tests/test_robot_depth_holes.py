@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.robot.depth_holes import BASELINE_M, hole_mask, projector_shadow
 
 CAMERA = Intrinsics(640, 480, 570.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from graspfn.evaluation.trials import Planned, Sigma
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.grid import angle_difference
 from graspfn.params import Noise
 from graspfn.physics.attempt import Frame, Outcome, Result

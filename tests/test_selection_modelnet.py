@@ -9,7 +9,7 @@ from physics_params import PARAMS, PHYSICS, SETTLE
 
 from graspfn.geometry.transforms import apply
 from graspfn.meshes.placed import RESTING
-from graspfn.meshes.reading import read_mesh
+from graspfn.selection.reading import read_mesh
 from graspfn.physics.settling import settle
 from graspfn.selection.candidate import Candidate
 from graspfn.selection.files import files_of

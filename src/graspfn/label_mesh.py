@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from graspfn.geometry import grid
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.render import renderer
 from graspfn.meshes.errors import MeshError, RejectedMeshError
 from graspfn.meshes.mass import mass_properties
 from graspfn.meshes.placed import RESTING, Resting
-from graspfn.meshes.reading import read_mesh
+from graspfn.selection.reading import read_mesh
 from graspfn.params import Compute, Params
 from graspfn.physics.labelling import Labels, joined, label_object
 from graspfn.physics.settling import settle
@@ -29,7 +29,7 @@ from graspfn.selection.cleaning import clean
 from graspfn.selection.selection import at_scale
 from graspfn.workflow.files import write_npz
 from graspfn.workflow.parallel import map_objects
-from graspfn.workflow.seeds import generator
+from graspfn.seeds import generator
 
 MIN_CM, MAX_CM = 1.0, 30.0  # of the largest extent: the camera looks down from 41 cm, and Q spans 33 cm
 MESH, LABELS, ACCOUNT = "object.ply", "labels.npz", "account.json"

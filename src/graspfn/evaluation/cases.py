@@ -22,7 +22,7 @@ from graspfn.params import Noise
 from graspfn.physics.labelling import held
 from graspfn.physics.world import Rig
 from graspfn.workflow.files import read_npz
-from graspfn.workflow.seeds import generator
+from graspfn.seeds import generator
 
 
 @dataclass(frozen=True)

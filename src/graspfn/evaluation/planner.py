@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from graspfn.evaluation.bench import Scene
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.params import Plan
 from graspfn.planning.centroid import centroid_grasp
 from graspfn.planning.methods import BEST, CENTROID, LIKELIEST, ROBUST, best_grasp, robust_best_grasp
 from graspfn.planning.smoothing import robust_function_at
 from graspfn.planning.uncertainty import PoseUncertainty
-from graspfn.workflow.seeds import generator
+from graspfn.seeds import generator
 
 TRUE = "true function"  # the labels of the object itself: what no network can beat
 UNTRAINED = -1  # the training seed of what needs no training

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.grid import CELL_PX, SHAPE
 from graspfn.imaging.holes import check_filled
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import ndimage
 
 from graspfn.params import Noise
-from graspfn.workflow.seeds import generator
+from graspfn.seeds import generator
 
 
 def add_noise(depth: np.ndarray, noise: Noise, rng: np.random.Generator) -> np.ndarray:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.transforms import apply
 from graspfn.imaging.holes import NEAR_M
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 
 MIN_HEIGHT_M = 0.0005  # a pixel lower than this is table
 
@@ -40,7 +40,7 @@ def shift_range(hull: np.ndarray, theta: np.ndarray, intrinsics: Intrinsics) -> 
 
     hull: (H, 3) of `visible_hull`. A point at depth z is in view up to z / focal * (half the image) from the axis, so
     that a tall object has less room than its outline on the table. That it is in view as the camera sees it implies
-    that it is in an image moved by `geometry.warp.move_image`. An axis with no room gives 0 for both.
+    that it is in an image moved by `warp.move_image`. An axis with no room gives 0 for both.
     """
     u, v, z = hull.T
     c, s = np.cos(theta)[..., None], np.sin(theta)[..., None]

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.placement import random_placements
-from graspfn.workflow.seeds import generator
+from graspfn.seeds import generator
 
 
 def augmentation_table(

@@ -1,6 +1,6 @@
 """Training samples, made while training: each is a pure function of one line of the augmentation table.
 
-The same motion and noise as `geometry.warp` and `imaging.noise`, in one pass: the jitter of eq. 2 is added to the
+The same motion and noise as `imaging.warp` and `imaging.noise`, in one pass: the jitter of eq. 2 is added to the
 coordinates at which the moved image is read, so that the image is interpolated once.
 """
 
@@ -14,7 +14,7 @@ import torch
 from torch.nn import functional
 from torch.utils.data import Dataset
 
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.grid import CELL_RAD, SHAPE, axes
 from graspfn.imaging.network_input import CROP_SHAPE, UNIT_M, area_average, crop_slices
 from graspfn.params import Noise
@@ -78,7 +78,7 @@ class SampleImages:
 
 
 def move_label(f: torch.Tensor, shift_uv: np.ndarray, theta: float) -> torch.Tensor:
-    """f: (6, 33, 44) float32, axes (theta, v, u) -> the same, as `geometry.warp.move_function` moves it.
+    """f: (6, 33, 44) float32, axes (theta, v, u) -> the same, as `imaging.warp.move_function` moves it.
 
     A turn offsets theta by the same fraction of a cell everywhere, so that trilinear interpolation is a blend of two
     rolled copies and then one bilinear reading.

@@ -11,7 +11,7 @@ from graspfn.geometry.grid import SHAPE
 from graspfn.learning.dataset import CLASSES
 from graspfn.params import AlexNet as AlexNetParams
 from graspfn.params import Network
-from graspfn.workflow.seeds import seed_of
+from graspfn.seeds import seed_of
 
 
 class GraspNetwork(nn.Module):

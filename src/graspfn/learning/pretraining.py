@@ -14,7 +14,7 @@ from graspfn.learning.dataset import ClassSamples
 from graspfn.learning.networks import Classifier, GraspNetwork
 from graspfn.learning.training import Descent, Resources, fit
 from graspfn.params import Network, Pretrain
-from graspfn.workflow.seeds import seed_of
+from graspfn.seeds import seed_of
 
 
 def class_indices(classes: Sequence[str]) -> tuple[np.ndarray, list[str]]:

@@ -29,7 +29,7 @@ from graspfn.learning.dataset import CLASSES, GraspSamples
 from graspfn.learning.device import pick_device, torch_threads
 from graspfn.learning.networks import GraspNetwork
 from graspfn.params import Compute, Network, Train
-from graspfn.workflow.seeds import generator, seed_of
+from graspfn.seeds import generator, seed_of
 from graspfn.workflow.shards import SCRATCH, code_digest
 
 WARM_UP = 0.1  # share of the steps over which the learning rate rises
@@ -103,7 +103,7 @@ def batches(samples: int, descent: Descent, start: int, stop: int) -> Iterator[l
 def _run_key(model: nn.Module, dataset: Any, descent: Descent, resources: Resources) -> str:
     """Equal for two runs that would do the same: network, initial weights, data, parameters, threads, code."""
     digest = hashlib.sha256(repr((model, descent, dataset.digest(), resources.threads, resources.device.type)).encode())
-    digest.update(code_digest("workflow", "geometry", "imaging", "learning").encode())
+    digest.update(code_digest("seeds.py", "geometry", "imaging", "learning").encode())
     for tensor in model.state_dict().values():
         digest.update(tensor.detach().cpu().contiguous().numpy().tobytes())
     return digest.hexdigest()

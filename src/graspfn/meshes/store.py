@@ -12,7 +12,6 @@ import trimesh
 from trimesh.exchange.ply import export_ply
 
 from graspfn.meshes.errors import MeshError
-from graspfn.meshes.reading import read_mesh
 
 Row = dict[str, Any]
 MANIFEST = "manifest.parquet"
@@ -85,4 +84,11 @@ def load_object(folder: Path, object_id: str) -> trimesh.Trimesh:
 
     From data/objects/<split> the one to see and to weigh, from data/collision/<split> the one to touch.
     """
-    return read_mesh(folder / f"{object_id}.ply")
+    path = folder / f"{object_id}.ply"
+    if not path.is_file():
+        raise MeshError(f"{path}: no such file; stage select_meshes writes it")
+    try:
+        return trimesh.load_mesh(path, process=False, skip_materials=True)
+    except Exception as error:  # of a damaged file, trimesh and numpy raise what they come across
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
+        raise MeshError(f"{path}: cannot be read ({reason}); run stage select_meshes again") from None

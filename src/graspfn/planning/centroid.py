@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.holes import check_filled
 
 # Over the table. After a 3x3 median the paper's 1.5 mm depth noise is about 0.6 mm: eight sigmas.

@@ -15,7 +15,7 @@ from graspfn.reporting.inputs import PredictedExample, ReportInputs
 from graspfn.reporting.sheets import contact_sheets
 from graspfn.reporting.style import Plate
 from graspfn.reporting.tables import who_recorded
-from graspfn.workflow.seeds import generator
+from graspfn.seeds import generator
 
 SUMMARY_SIGMA_MM = 20.0
 PREDICTION_SIGMA = (15.0, 10.0)  # mm, degrees

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from graspfn.geometry import grid
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.reporting.style import (
     BEST,
     COLUMN_IN,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.holes import fill_holes
 from graspfn.imaging.noise import observe
 from graspfn.meshes.placed import load_resting, read_resting, resting_rows
@@ -21,7 +21,7 @@ from graspfn.reporting.film import Film, film_best_grasp, film_failure
 from graspfn.reporting.parameters import Parameter, flat_parameters
 from graspfn.robot.read import read_trial
 from graspfn.workflow.files import read_npz
-from graspfn.workflow.seeds import generator
+from graspfn.seeds import generator
 
 SPLITS = ("train", "test")
 SHOWN_TEST, SHOWN_GRASPS, SHOWN_FILMS = 4, 8, 10

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 
 BASELINE_M = 0.075  # projector to camera, along the image's +x
 DROPOUT = 0.002  # fraction of further pixels lost at random

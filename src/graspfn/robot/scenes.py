@@ -24,7 +24,7 @@ from graspfn.params import Noise
 from graspfn.physics.world import Rig
 from graspfn.planning.uncertainty import PoseUncertainty
 from graspfn.robot.simulated import Seen, see
-from graspfn.workflow.seeds import generator
+from graspfn.seeds import generator
 
 
 class Scenes:

@@ -9,7 +9,7 @@ import numpy as np
 
 from graspfn.evaluation.bench import Bench, Scene
 from graspfn.evaluation.planner import Planned
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.noise import add_noise
 from graspfn.meshes.placed import Resting
 from graspfn.params import Noise
@@ -18,7 +18,7 @@ from graspfn.physics.world import Rig
 from graspfn.planning.uncertainty import PoseUncertainty
 from graspfn.robot.depth_holes import hole_mask
 from graspfn.robot.trial import Condition, TrialRecording
-from graspfn.workflow.seeds import generator
+from graspfn.seeds import generator
 
 JOINTS = ("hand_lift", "finger_left", "finger_right")
 

@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 
 from graspfn.meshes.errors import MeshError
-from graspfn.workflow.seeds import seed_of
+from graspfn.seeds import seed_of
 
 
 @dataclass(frozen=True)

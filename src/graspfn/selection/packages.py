@@ -15,7 +15,7 @@ import numpy as np
 import trimesh
 
 from graspfn.meshes.errors import MeshError
-from graspfn.meshes.reading import read_mesh
+from graspfn.selection.reading import read_mesh
 from graspfn.selection.candidate import Candidate, order
 from graspfn.selection.fetching import Release, fetched
 

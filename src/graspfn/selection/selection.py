@@ -17,7 +17,7 @@ from graspfn.selection.cleaning import clean
 from graspfn.selection.collision import collision_mesh
 from graspfn.selection.signature import Shapes, signature
 from graspfn.selection.sources import source_of
-from graspfn.workflow.seeds import generator
+from graspfn.seeds import generator
 
 IN_VAIN = 200  # meshes turned down one after the other: an endless source would go on for ever
 REJECTS = ("split", "source", "name", "class", "reason")

@@ -10,7 +10,7 @@ import itertools
 import numpy as np
 from scipy import ndimage
 
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.grid import SHAPE, poses, to_index
 from graspfn.geometry.transforms import unmove_pose
 

@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 
 from graspfn.meshes.errors import MeshError, RejectedMeshError
-from graspfn.meshes.off import read_off
+from graspfn.selection.off import read_off
 
 SUFFIXES = (".off", ".obj", ".stl", ".ply", ".glb", ".gltf")
 

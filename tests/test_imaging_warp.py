@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.grid import CELL_M, CELL_RAD, SHAPE, poses
 from graspfn.geometry.transforms import T_world_scene, apply, move_pose
-from graspfn.geometry.warp import move_function, move_image, sample_function
+from graspfn.imaging.warp import move_function, move_image, sample_function
 
 CAMERA = Intrinsics(640, 480, 570.0)
 STILL = np.zeros(2)

@@ -7,8 +7,8 @@ import pytest
 import trimesh
 
 from graspfn.meshes.errors import MeshError, RejectedMeshError
-from graspfn.meshes.off import POINTS_NOTE
-from graspfn.meshes.reading import SUFFIXES, read_mesh
+from graspfn.selection.off import POINTS_NOTE
+from graspfn.selection.reading import SUFFIXES, read_mesh
 
 MODELNET = Path(__file__).parents[1] / "../shared/data/modelnet_off"
 TETRAHEDRON = "4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n"
