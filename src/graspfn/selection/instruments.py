@@ -31,7 +31,8 @@ def guitar(rng: np.random.Generator) -> Manifold:
 
 def piano(rng: np.random.Generator) -> Manifold:
     """An upright or a grand, the player's side towards -y."""
-    return _grand(rng) if rng.random() < 0.5 else _upright(rng)
+    whole = _grand(rng) if rng.random() < 0.5 else _upright(rng)
+    return whole.scale((rng.uniform(0.8, 1.15), 1, rng.uniform(0.9, 1.1)))
 
 
 def _keys(width: float, count: int, long: float) -> list[Manifold]:
