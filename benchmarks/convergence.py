@@ -24,8 +24,8 @@ from graspfn.geometry import grid
 from graspfn.meshes.placed import Resting
 from graspfn.physics.attempt import Grasper
 from graspfn.physics.world import DETECTORS, Rig
-from graspfn.workflow.cores import cores
 from graspfn.seeds import generator
+from graspfn.workflow.cores import cores
 
 NEARBY = 5  # draws from the cell of a pose
 DEEP_M = 2e-3  # no accepted attempt may have hand and object so deep in each other

@@ -32,8 +32,8 @@ from graspfn.params import Params
 from graspfn.physics.attempt import CLEAR_M, Frame, Grasper, Result
 from graspfn.physics.gripper import Kinematics
 from graspfn.physics.world import Rig
-from graspfn.workflow.cores import cores
 from graspfn.seeds import generator
+from graspfn.workflow.cores import cores
 
 SHUT = 0.01  # of a joint's range short of its stop: nothing is between the fingers
 BOOTSTRAPS = 10_000

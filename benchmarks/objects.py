@@ -19,9 +19,9 @@ from graspfn.physics.culling import touches_nothing
 from graspfn.physics.gripper import Kinematics
 from graspfn.physics.settling import Settled, settle
 from graspfn.physics.world import Rig
+from graspfn.seeds import generator
 from graspfn.selection.selection import select
 from graspfn.workflow.files import read_npz, write_npz
-from graspfn.seeds import generator
 from graspfn.workflow.shards import code_digest, shard_key, shard_path
 
 SPARE = 1.2  # objects drawn for each that is wanted: some never come to rest

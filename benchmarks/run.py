@@ -27,8 +27,8 @@ from graspfn.meshes.placed import Resting
 from graspfn.params import Params
 from graspfn.physics.attempt import Grasper, Outcome, Result
 from graspfn.physics.labelling import ENDS, OUTCOMES, RETRIED, label_object
-from graspfn.workflow.cores import cores
 from graspfn.seeds import generator
+from graspfn.workflow.cores import cores
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,8 @@ from graspfn.meshes.placed import Resting
 from graspfn.params import LOOK_MS
 from graspfn.physics.attempt import CLEAR_M, GRIP_M, HALF, LEVER_M, Frame, Grasper, yet_to_move
 from graspfn.physics.world import Rig
-from graspfn.workflow.cores import cores
 from graspfn.seeds import generator
+from graspfn.workflow.cores import cores
 
 RULES = tuple((grip_m, half) for grip_m in (0.1e-3, 0.2e-3, 0.4e-3, 1.6e-3) for half in (HALF, 2 * HALF))
 

@@ -28,8 +28,8 @@ from graspfn.physics.labelling import label_object
 from graspfn.physics.world import Rig
 from graspfn.planning.methods import robust_best_grasp
 from graspfn.planning.uncertainty import PoseUncertainty
-from graspfn.workflow.cores import cores
 from graspfn.seeds import generator
+from graspfn.workflow.cores import cores
 
 SIGMA = PoseUncertainty.of(uv_mm=5.0, theta_deg=10.0)
 TRIALS = 20  # of each object's best pose

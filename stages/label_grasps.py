@@ -11,9 +11,9 @@ from graspfn.meshes.store import read_manifest
 from graspfn.params import Declared
 from graspfn.physics.labelling import Labels, joined, label_object, successes
 from graspfn.physics.world import Rig
+from graspfn.seeds import seed_of
 from graspfn.workflow.files import write_npz, write_parquet
 from graspfn.workflow.resume import Arrays, each_object
-from graspfn.seeds import seed_of
 from graspfn.workflow.shards import code_digest, shard_key, shard_path
 from graspfn.workflow.stage import stage
 

@@ -10,8 +10,8 @@ from graspfn.meshes.store import load_object, read_manifest
 from graspfn.params import Declared, Gripper, Physics, Settle
 from graspfn.physics.fitting import Placed, place
 from graspfn.physics.gripper import Kinematics
-from graspfn.workflow.parallel import map_objects
 from graspfn.seeds import generator
+from graspfn.workflow.parallel import map_objects
 from graspfn.workflow.stage import stage
 
 OBJECTS, OUT = Path("data/objects"), Path("data/placed")

@@ -6,14 +6,14 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.transforms import T_world_scene
+from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.placement import random_placement
 from graspfn.imaging.render import renderer
 from graspfn.meshes.placed import T_world_object, load_placed, read_resting
 from graspfn.params import Declared
-from graspfn.workflow.files import write_parquet
 from graspfn.seeds import generator
+from graspfn.workflow.files import write_parquet
 from graspfn.workflow.stage import stage
 
 OBJECTS, PLACED, OUT = Path("data/objects"), Path("data/placed"), Path("data/images")

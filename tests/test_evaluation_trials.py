@@ -13,8 +13,8 @@ from scipy import stats
 
 from graspfn.evaluation.trials import Bench, Sigma, plan_all, trials_of_object
 from graspfn.geometry import grid
-from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.transforms import T_world_scene, move_pose, translation
+from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.render import render_depth
 from graspfn.meshes.placed import Resting
 from graspfn.params import Plan

@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 from graspfn.geometry import grid
-from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.transforms import T_world_grasp, T_world_scene, apply, move_pose, unmove_pose
+from graspfn.imaging.camera import Intrinsics
 from graspfn.params import Camera
 
 CAMERA = Intrinsics(640, 480, 570.0)

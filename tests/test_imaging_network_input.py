@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.grid import axes
+from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.network_input import INPUT_SHAPE, area_average, network_input
 
 CAMERA = Intrinsics(640, 480, 570.0)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.transforms import T_world_scene, translation
-from graspfn.imaging.warp import move_image
+from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.placement import FlatObject, random_placement, random_placements, shift_range, visible_hull
 from graspfn.imaging.render import render_depth
+from graspfn.imaging.warp import move_image
 
 CAMERA = Intrinsics(640, 480, 570.0)
 TABLE = CAMERA.table_depth

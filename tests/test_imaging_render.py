@@ -5,13 +5,13 @@ import pytest
 import trimesh
 from trimesh.transformations import random_rotation_matrix
 
-from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.transforms import T_world_scene, rotation_z, translation
-from graspfn.imaging.warp import move_image
 from graspfn.imaging import opengl
+from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.holes import NEAR_M
 from graspfn.imaging.opengl import OpenGLError, render_depth_opengl
 from graspfn.imaging.render import render_depth
+from graspfn.imaging.warp import move_image
 
 CAMERA = Intrinsics(640, 480, 570.0)
 TABLE = CAMERA.table_depth

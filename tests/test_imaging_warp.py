@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.grid import CELL_M, CELL_RAD, SHAPE, poses
 from graspfn.geometry.transforms import T_world_scene, apply, move_pose
+from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.warp import move_function, move_image, sample_function
 
 CAMERA = Intrinsics(640, 480, 570.0)

@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 from graspfn.cli import app
 from graspfn.geometry import grid
 from graspfn.geometry.transforms import apply
-from graspfn.selection.reading import read_mesh
 from graspfn.physics.labelling import ENDS, OUTCOMES
+from graspfn.selection.reading import read_mesh
 from graspfn.workflow.files import read_npz
 
 ROOT = Path(__file__).parents[1]

@@ -6,12 +6,12 @@ import pytest
 import torch
 import trimesh
 
-from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.transforms import translation
-from graspfn.imaging.warp import move_function, move_image
+from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.network_input import INPUT_SHAPE, network_input
 from graspfn.imaging.noise import add_noise
 from graspfn.imaging.render import render_depth
+from graspfn.imaging.warp import move_function, move_image
 from graspfn.learning.augmentation import augmentation_table
 from graspfn.learning.dataset import ClassSamples, GraspSamples
 from graspfn.params import Noise

@@ -11,8 +11,8 @@ import trimesh
 from scipy import ndimage
 from torch.utils.data import Dataset
 
-from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.transforms import translation
+from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.render import render_depth
 from graspfn.learning.augmentation import augmentation_table
 from graspfn.learning.checkpoint import FILE

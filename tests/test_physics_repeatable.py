@@ -22,8 +22,8 @@ from graspfn.meshes.placed import Resting
 from graspfn.params import Compute
 from graspfn.physics.labelling import Labels, label_object
 from graspfn.physics.world import Rig
-from graspfn.workflow.parallel import map_objects
 from graspfn.seeds import generator
+from graspfn.workflow.parallel import map_objects
 
 # Dask leaves sockets to the garbage collector.
 pytestmark = [

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from graspfn.evaluation.trials import Planned, Sigma
-from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.grid import angle_difference
+from graspfn.imaging.camera import Intrinsics
 from graspfn.params import Noise
 from graspfn.physics.attempt import Frame, Outcome, Result
 from graspfn.robot import simulated

@@ -9,10 +9,10 @@ from physics_params import PARAMS, PHYSICS, SETTLE
 
 from graspfn.geometry.transforms import apply
 from graspfn.meshes.placed import RESTING
-from graspfn.selection.reading import read_mesh
 from graspfn.physics.settling import settle
 from graspfn.selection.candidate import Candidate
 from graspfn.selection.files import files_of
+from graspfn.selection.reading import read_mesh
 from graspfn.selection.selection import make_object
 
 SAMPLES = Path(__file__).parents[1] / "../shared/data/modelnet_off"

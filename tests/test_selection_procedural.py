@@ -5,9 +5,9 @@ import itertools
 import numpy as np
 import pytest
 
+from graspfn.seeds import generator
 from graspfn.selection.procedural import CATEGORIES, Procedural, generate
 from graspfn.selection.signature import Shapes, signature
-from graspfn.seeds import generator
 
 DRAWS = 4
 MODELNET40 = """airplane bathtub bed bench bookshelf bottle bowl car chair cone cup curtain desk door dresser flower_pot

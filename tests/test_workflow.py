@@ -15,9 +15,9 @@ import pandas as pd
 import pytest
 
 from graspfn.params import Compute
+from graspfn.seeds import generator, seed_of
 from graspfn.workflow.files import atomic, read_npz, write_npz, write_parquet
 from graspfn.workflow.parallel import AHEAD, map_in_order, map_objects
-from graspfn.seeds import generator, seed_of
 from graspfn.workflow.shards import code_digest, shard_key
 
 

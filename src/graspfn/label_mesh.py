@@ -15,7 +15,6 @@ from graspfn.imaging.render import renderer
 from graspfn.meshes.errors import MeshError, RejectedMeshError
 from graspfn.meshes.mass import mass_properties
 from graspfn.meshes.placed import RESTING, Resting
-from graspfn.selection.reading import read_mesh
 from graspfn.params import Compute, Params
 from graspfn.physics.labelling import Labels, joined, label_object
 from graspfn.physics.settling import settle
@@ -25,11 +24,12 @@ from graspfn.reporting.figures_images import draw_depth
 from graspfn.reporting.figures_scenes import draw_simulated_grasp, film_scenes
 from graspfn.reporting.film import film_best_grasp
 from graspfn.reporting.style import png_bytes
+from graspfn.seeds import generator
 from graspfn.selection.cleaning import clean
+from graspfn.selection.reading import read_mesh
 from graspfn.selection.selection import at_scale
 from graspfn.workflow.files import write_npz
 from graspfn.workflow.parallel import map_objects
-from graspfn.seeds import generator
 
 MIN_CM, MAX_CM = 1.0, 30.0  # of the largest extent: the camera looks down from 41 cm, and Q spans 33 cm
 MESH, LABELS, ACCOUNT = "object.ply", "labels.npz", "account.json"

@@ -21,8 +21,8 @@ from graspfn.meshes.placed import Resting, load_resting, resting_rows
 from graspfn.params import Noise
 from graspfn.physics.labelling import held
 from graspfn.physics.world import Rig
-from graspfn.workflow.files import read_npz
 from graspfn.seeds import generator
+from graspfn.workflow.files import read_npz
 
 
 @dataclass(frozen=True)

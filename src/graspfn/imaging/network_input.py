@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.grid import CELL_PX, SHAPE
+from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.holes import check_filled
 
 INPUT_SHAPE = (4 * SHAPE[0], 4 * SHAPE[1])  # (132, 176)

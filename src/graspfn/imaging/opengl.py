@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.transforms import apply
+from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.holes import NEAR_M
 
 VERTEX_SHADER = """

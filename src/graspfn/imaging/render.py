@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import trimesh
 
-from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.transforms import apply
+from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.holes import NEAR_M
 
 

@@ -10,9 +10,9 @@ import itertools
 import numpy as np
 from scipy import ndimage
 
-from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.grid import SHAPE, poses, to_index
 from graspfn.geometry.transforms import unmove_pose
+from graspfn.imaging.camera import Intrinsics
 
 
 def sample_function(f: np.ndarray, q: np.ndarray) -> np.ndarray:

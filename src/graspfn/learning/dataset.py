@@ -14,8 +14,8 @@ import torch
 from torch.nn import functional
 from torch.utils.data import Dataset
 
-from graspfn.imaging.camera import Intrinsics
 from graspfn.geometry.grid import CELL_RAD, SHAPE, axes
+from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.network_input import CROP_SHAPE, UNIT_M, area_average, crop_slices
 from graspfn.params import Noise
 

