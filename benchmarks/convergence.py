@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 from isolated import Died, isolated
-from objects import NUDGE, committed, cores, resting_objects, rig_of, touching
+from objects import NUDGE, committed, resting_objects, rig_of, touching
 from worlds import WatchedGrasper
 
 from graspfn.evaluation.statistics import paired_difference, proportion
@@ -24,6 +24,7 @@ from graspfn.geometry import grid
 from graspfn.meshes.placed import Resting
 from graspfn.physics.attempt import Grasper
 from graspfn.physics.world import DETECTORS, Rig
+from graspfn.workflow.cores import cores
 from graspfn.workflow.seeds import generator
 
 NEARBY = 5  # draws from the cell of a pose

@@ -23,7 +23,7 @@ import pandas as pd
 from convex import SOLIDS, convex_objects
 from isolated import Died, isolated
 from mujoco_grasp import ADVISED, MujocoGrasper
-from objects import NUDGE, committed, cores, rig_of, touching
+from objects import NUDGE, committed, rig_of, touching
 
 from graspfn.evaluation.statistics import proportion
 from graspfn.geometry.transforms import apply
@@ -32,6 +32,7 @@ from graspfn.params import Params
 from graspfn.physics.attempt import CLEAR_M, Frame, Grasper, Result
 from graspfn.physics.gripper import Kinematics
 from graspfn.physics.world import Rig
+from graspfn.workflow.cores import cores
 from graspfn.workflow.seeds import generator
 
 SHUT = 0.01  # of a joint's range short of its stop: nothing is between the fingers

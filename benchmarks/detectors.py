@@ -20,13 +20,14 @@ import pandas as pd
 import trimesh
 from isolated import Died, isolated
 from known import Known, known_grasps
-from objects import committed, cores, rig_of
+from objects import committed, rig_of
 from worlds import WatchedGrasper
 
 from graspfn.evaluation.statistics import proportion
 from graspfn.params import Meshes
 from graspfn.physics.world import DETECTORS
 from graspfn.selection.collision import collision_mesh
+from graspfn.workflow.cores import cores
 
 TREATMENTS = ("raw", "decimated", "parts")
 LIMIT_S = 300.0  # of one shape in one cell

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -39,10 +38,6 @@ def committed() -> Params:
 
 def rig_of(params: Params) -> Rig:
     return Rig(params.physics, params.gripper, params.attempt)
-
-
-def cores() -> int:
-    return os.cpu_count() or 1
 
 
 def resting_objects(params: Params, count: int, workers: int) -> list[tuple[str, Resting]]:

@@ -20,13 +20,14 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from isolated import Died, isolated
-from objects import committed, cores, resting_objects, rig_of, touching, unculled
+from objects import committed, resting_objects, rig_of, touching, unculled
 
 from graspfn.evaluation.statistics import Proportion, proportion
 from graspfn.meshes.placed import Resting
 from graspfn.params import Params
 from graspfn.physics.attempt import Grasper, Outcome, Result
 from graspfn.physics.labelling import ENDS, OUTCOMES, RETRIED, label_object
+from graspfn.workflow.cores import cores
 from graspfn.workflow.seeds import generator
 
 

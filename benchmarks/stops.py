@@ -15,41 +15,48 @@ import dartpy as dart
 import numpy as np
 import pandas as pd
 from isolated import Died, isolated
-from objects import committed, cores, resting_objects, rig_of, touching
+from objects import committed, resting_objects, rig_of, touching
 
 from graspfn.meshes.placed import Resting
 from graspfn.params import LOOK_MS
 from graspfn.physics.attempt import CLEAR_M, GRIP_M, HALF, LEVER_M, Frame, Grasper, yet_to_move
-from graspfn.physics.bodies import sole
 from graspfn.physics.world import Rig
+from graspfn.workflow.cores import cores
 from graspfn.workflow.seeds import generator
 
 RULES = tuple((grip_m, half) for grip_m in (0.1e-3, 0.2e-3, 0.4e-3, 1.6e-3) for half in (HALF, 2 * HALF))
 
 
-def stop(frames: Sequence[Frame], points: np.ndarray, grip_m: float, half: int) -> int | None:
+def motion(frames: Sequence[Frame], points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 6) place of the object in the hand at every look of a lift, as Grasper has it, and (n,) whether it is clear.
+
+    points: the object's, of which the lowest is one.
+    """
+    T = np.array([frame.T_world_object for frame in frames])
+    grips = np.array([dart.dynamics.FreeJoint.convertToPositions(one) for one in T]) * LEVER_M
+    grips[:, 5] -= [frame.hand_z for frame in frames]
+    return grips, (T[:, 2, :3] @ points.T).min(axis=1) + T[:, 2, 3] > CLEAR_M
+
+
+def stop(grips: np.ndarray, clear: np.ndarray, grip_m: float, half: int) -> int | None:
     """The look of a lift after which it would be stopped as held; None if it never would."""
-    grips = [dart.dynamics.FreeJoint.convertToPositions(frame.T_world_object) * LEVER_M for frame in frames]
-    moved = np.array(grips) - np.outer([frame.hand_z for frame in frames], [0, 0, 0, 0, 0, 1])
-    for look in range(2 * half, len(frames) - 1):
-        before, now = (np.abs(moved[end] - moved[end - half]).max() for end in (look - half, look))
-        T = frames[look].T_world_object
-        clear = (points @ T[2, :3]).min() + T[2, 3] > CLEAR_M
-        if clear and yet_to_move(before, now, (len(frames) - 1 - look) / half) < grip_m:
+    for look in range(2 * half, len(grips) - 1):
+        before, now = (np.abs(grips[end] - grips[end - half]).max() for end in (look - half, look))
+        if clear[look] and yet_to_move(before, now, (len(grips) - 1 - look) / half) < grip_m:
             return look
     return None
 
 
 def study(name: str, resting: Resting, rig: Rig, attempts: int, seed: int) -> pd.DataFrame:
     """A line for every rule and every attempt that sets off."""
-    grasper, points = Grasper(resting, rig), sole(resting.mesh)
+    grasper = Grasper(resting, rig)
     rows = []
     for i, q in enumerate(touching(resting, rig, attempts, generator(seed, "stops", name))):
         result = grasper.run(q, whole=True, film=True)
-        lift = [frame for frame in result.frames if frame.hand_z > 0]
+        grips, clear = motion([frame for frame in result.frames if frame.hand_z > 0], grasper.world.points)
         for rule, (grip_m, half) in enumerate(RULES):
-            look = stop(lift, points, grip_m, half)
-            share = 1.0 if look is None else (look + 1) / len(lift)
+            look = stop(grips, clear, grip_m, half)
+            share = 1.0 if look is None else (look + 1) / len(grips)
             row = {"attempt": f"{name} {i}", "rule": rule, "held": result.held, "share": share}
             rows.append(row | {"wrong": look is not None and not result.held})
     return pd.DataFrame(rows)
@@ -65,8 +72,13 @@ def main() -> None:
     rig = rig_of(params)
     objects = resting_objects(params, arguments.objects, arguments.workers)
     tasks = [(name, resting, rig, arguments.attempts, params.seed) for name, resting in objects]
-    done = isolated(study, tasks, arguments.workers, "stops")
-    table = pd.concat([one for one in done if not isinstance(one, Died)])
+    tables = []
+    for (name, _), one in zip(objects, isolated(study, tasks, arguments.workers, "stops"), strict=True):
+        if isinstance(one, Died):
+            print(f"left out {name}: {one}")
+        else:
+            tables.append(one)
+    table = pd.concat(tables)
     print(f"{table['attempt'].nunique()} attempts, {table.groupby('attempt')['held'].first().mean():.1%} held")
     for rule, (grip_m, half) in enumerate(RULES):
         of_rule = table[table["rule"] == rule]

@@ -16,7 +16,7 @@ import time
 import numpy as np
 import pandas as pd
 from isolated import Died, isolated
-from objects import committed, cores, resting_objects, rig_of
+from objects import committed, resting_objects, rig_of
 from scipy.spatial import ConvexHull
 
 from graspfn.evaluation.statistics import proportion
@@ -28,6 +28,7 @@ from graspfn.physics.attempt import Grasper
 from graspfn.physics.labelling import label_object
 from graspfn.physics.world import Rig
 from graspfn.planning.methods import robust_best_grasp
+from graspfn.workflow.cores import cores
 from graspfn.workflow.seeds import generator
 
 SIGMA = Sigma(uv_mm=5.0, theta_deg=10.0)
@@ -72,7 +73,7 @@ def study(name: str, resting: Resting, rig: Rig, plan: Plan, attempts: int, seed
     f = labels.successes / attempts
     q = robust_best_grasp(f, SIGMA.uv_m, SIGMA.theta_rad, plan, generator(seed, "sweep", name, "plan"))
     grasper, rng = Grasper(resting, rig), generator(seed, "sweep", name, "trials")
-    held = [grasper.run(SIGMA.reached(q, rng)).held for _ in range(TRIALS)]
+    held = [q is not None and grasper.run(SIGMA.reached(q, rng)).held for _ in range(TRIALS)]
     height = float(np.ptp(apply(resting.T_world_object, resting.mesh.vertices)[:, 2]))
     return {
         "object": name,

@@ -9,6 +9,7 @@ import pandas as pd
 
 from graspfn.evaluation.trials import Bench, Sigma, trials_of_object
 from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.holes import fill_holes
 from graspfn.imaging.noise import observe
 from graspfn.meshes.placed import Resting, load_resting, resting_rows
 from graspfn.params import Declared, Plan
@@ -53,7 +54,7 @@ def main(params: Declared) -> None:
 
     def arguments(name: str) -> tuple[Any, ...]:
         line = index.loc[name].to_dict()
-        depth = observe(images[line["row"]], params.noise, params.seed, name)
+        depth = fill_holes(observe(images[line["row"]], params.noise, params.seed, name), camera)
         scene = (depth, np.array([line["shift_u_m"], line["shift_v_m"]]), float(line["theta_rad"]))
         own = {network: scores[line["row"]] for network, scores in functions.items()}
         resting = load_resting(MESHES, COLLISION, placed[name])

@@ -7,6 +7,7 @@ import pandas as pd
 from tqdm import tqdm
 
 from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.holes import fill_holes
 from graspfn.imaging.network_input import network_input
 from graspfn.imaging.noise import observe
 from graspfn.learning.device import pick_device
@@ -26,7 +27,7 @@ def main(params: Declared) -> None:
     camera = Intrinsics.from_params(params.camera)
     inputs = np.stack(
         [
-            network_input(observe(image, params.noise, params.seed, name), camera)
+            network_input(fill_holes(observe(image, params.noise, params.seed, name), camera), camera)
             for image, name in tqdm(zip(images, ids, strict=True), desc="observe", total=len(ids), unit="image")
         ]
     )

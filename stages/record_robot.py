@@ -53,7 +53,7 @@ def simulated_tasks(objects: list[dict[Hashable, Any]], params: Declared) -> Ite
             rng = generator(params.seed, "record_robot", name, placement)
             shift, theta = random_placement(centred, camera, rng)
             depth = see(render(mesh, T_world_scene(shift, theta) @ T, camera), params.noise, camera, rng)
-            filled = fill_holes(depth)
+            filled = fill_holes(depth, camera)
             functions = {
                 key: predict(net, network_input(filled, camera)[None], device)[0] for key, net in networks.items()
             }

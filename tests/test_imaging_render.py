@@ -9,8 +9,9 @@ from graspfn.geometry.camera import Intrinsics
 from graspfn.geometry.transforms import T_world_scene, rotation_z, translation
 from graspfn.geometry.warp import move_image
 from graspfn.imaging import opengl
+from graspfn.imaging.holes import NEAR_M
 from graspfn.imaging.opengl import OpenGLError, render_depth_opengl
-from graspfn.imaging.render import NEAR_M, render_depth
+from graspfn.imaging.render import render_depth
 
 CAMERA = Intrinsics(640, 480, 570.0)
 TABLE = CAMERA.table_depth

@@ -19,11 +19,6 @@ from graspfn.meshes.reading import read_mesh
 from graspfn.physics.labelling import ENDS, OUTCOMES
 from graspfn.workflow.files import read_npz
 
-# Dask leaves sockets to the garbage collector.
-pytestmark = [
-    pytest.mark.filterwarnings("ignore::ResourceWarning"),
-    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
-]
 ROOT = Path(__file__).parents[1]
 SIZE_M = (0.05, 0.03, 0.02)
 FILES = {"labels.npz", "account.json", "object.ply", "depth.png", "grasp_function.png"}

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import load_file, save_file
 
 from graspfn.learning.networks import Classifier, build_network
 from graspfn.learning.prediction import predict
@@ -108,6 +109,15 @@ def test_scores_do_not_depend_on_the_batch(params, inputs):
     assert predict(network, inputs[:0]).shape == (0, 33, 44, 6)
 
 
+def test_the_number_of_cores_changes_no_bit_of_a_score(params, inputs, monkeypatch):
+    network, many = build_network(params), np.concatenate([inputs] * 12)
+    found = []
+    for count in (1, 3):
+        monkeypatch.setattr("graspfn.learning.prediction.cores", lambda count=count: count)
+        found.append(predict(network, many).tobytes())
+    assert found[0] == found[1]
+
+
 def test_saved_networks_come_back(params, inputs, tmp_path):
     network = build_network(params, seed=5)
     save_network(tmp_path / "net", network, params, pretrained_on=["cup", "bowl"])
@@ -118,6 +128,65 @@ def test_saved_networks_come_back(params, inputs, tmp_path):
 
 def spoil_config(folder):
     (folder / "config.json").write_text("{")
+
+
+def config_of(text):
+    def spoil(folder):
+        (folder / "config.json").write_bytes(text)
+
+    return spoil
+
+
+def spoil_key(**values):
+    def spoil(folder):
+        config = json.loads((folder / "config.json").read_text())
+        config["network"].update(values)
+        (folder / "config.json").write_text(json.dumps(config))
+
+    return spoil
+
+
+NO_CONFIG = [b"", b"[]", b"null", b"3", b'"fcn"', b"{}", b'{"network": []}', b'{"network": null}', b'{"network": {}}']
+NO_CONFIG += [b"\xff\xfe", b"[" * 100_000, b'{"network": 1']
+NO_NETWORK = [{"architecture": []}, {"width": "wide"}, {"width": 0}, {"width": True}, {"width": 10**30}, {"colour": 1}]
+
+
+def config_is_a_folder(folder):
+    (folder / "config.json").unlink()
+    (folder / "config.json").mkdir()
+
+
+def weights_are_a_folder(folder):
+    (folder / "weights.safetensors").unlink()
+    (folder / "weights.safetensors").mkdir()
+
+
+def cut_weights(length):
+    def spoil(folder):
+        path = folder / "weights.safetensors"
+        path.write_bytes(path.read_bytes()[:length])
+
+    return spoil
+
+
+def edit_weights(edit):
+    def spoil(folder):
+        state = load_file(folder / "weights.safetensors")
+        save_file(edit(state), folder / "weights.safetensors")
+
+    return spoil
+
+
+def without_output(state):
+    return {name: tensor for name, tensor in state.items() if not name.startswith("output")}
+
+
+def with_another(state):
+    return state | {"another": torch.zeros(1)}
+
+
+def with_nan(state):
+    return state | {"output.bias": state["output.bias"] * float("nan")}
 
 
 def spoil_architecture(folder):
@@ -145,7 +214,14 @@ def remove_config(folder):
 
 
 @pytest.mark.parametrize(
-    "spoil", [spoil_config, spoil_architecture, spoil_width, spoil_weights, remove_weights, remove_config]
+    "spoil",
+    [
+        *(spoil_config, spoil_architecture, spoil_width, spoil_weights, remove_weights, remove_config),
+        *(config_is_a_folder, weights_are_a_folder, *map(config_of, NO_CONFIG)),
+        *(spoil_key(**values) for values in NO_NETWORK),
+        *map(cut_weights, (0, 5, 100, -10)),
+        *map(edit_weights, (without_output, with_another, with_nan)),
+    ],
 )
 def test_a_folder_without_a_network_is_one_line(params, tmp_path, spoil):
     save_network(tmp_path, build_network(params), params)

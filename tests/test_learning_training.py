@@ -1,5 +1,8 @@
 """The training loop: resumes to the bit, refuses nonsense, and learns."""
 
+import errno
+import os
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -83,6 +86,29 @@ def test_processes_that_load_do_not_change_the_result(tmp_path):
         fit(build_network(ALEXNET), grasp_loss, Tiny(), DESCENT, resources(tmp_path, loaders=count)) for count in (0, 2)
     )
     pd.testing.assert_frame_equal(alone, helped, check_exact=True)
+
+
+def no_room(*arguments):
+    raise RuntimeError("unable to allocate shared memory(shm): No space left on device (28)")
+
+
+def test_loaders_take_no_shared_memory(tmp_path, monkeypatch):
+    """A container has 64 MB in /dev/shm or less."""
+    monkeypatch.setattr(torch.UntypedStorage, "_new_shared", no_room)
+    monkeypatch.setattr(torch.UntypedStorage, "_share_fd_cpu_", no_room)
+    history = fit(build_network(ALEXNET), grasp_loss, Tiny(), DESCENT, resources(tmp_path, loaders=1))
+    assert len(history) == 6
+
+
+def test_where_no_loader_starts_the_trainer_makes_its_samples(tmp_path, monkeypatch, capsys):
+    def full():
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    alone = fit(build_network(ALEXNET), grasp_loss, Tiny(), DESCENT, resources(tmp_path))
+    monkeypatch.setattr(torch.multiprocessing, "Queue", full)
+    fallen = fit(build_network(ALEXNET), grasp_loss, Tiny(), DESCENT, resources(tmp_path, loaders=2))
+    assert capsys.readouterr().out.startswith("compute.loaders: none could be started (No space left on device); ")
+    pd.testing.assert_frame_equal(alone, fallen, check_exact=True)
 
 
 def test_threads_are_given_back(tmp_path):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from dvc.utils.serialize import load_yaml
 from hydra.core.global_hydra import GlobalHydra
 from typer.testing import CliRunner
 
@@ -111,6 +112,100 @@ def test_network_files_are_named_after_their_architecture():
     assert all(name == entry["architecture"] for name, entry in composed()["network"].items())
 
 
+AS_TYPED = [
+    "Größe",
+    "/data/x(1)",
+    "run=3",
+    "a,b",
+    "#1",
+    "a #1",
+    "o'neil",
+    'say "ah"',
+    "$HOME",
+    "back\\slash",
+    "\\",
+    "[a]",
+    "{",
+]
+AS_TYPED += [
+    "{a: 1}",
+    "null",
+    "true",
+    "12",
+    "1e3",
+    "0o17",
+    "08",
+    ".5",
+    "1_0",
+    " led",
+    "trailing ",
+    "a: b",
+    "- a",
+    "*",
+    "&a",
+]
+AS_TYPED += [
+    "!a",
+    "%d",
+    "@a",
+    "`a`",
+    "|",
+    ">",
+    "a\nb",
+    "a\tb",
+    "\x07",
+    "\x85",
+    "\u2028",
+    "\ufeffa",
+    "no\xa0break",
+    "on",
+    "0x1F",
+]
+AS_TYPED += [
+    ".nan",
+    "2020-01-01",
+    "1:30",
+    "=",
+    "<<",
+    "folder/",
+    "../folder",
+    "x" * 90 + " " + "y" * 1200,
+    "x(",
+    "'",
+    "a\\'b",
+]
+
+
+TEXT_KEYS = ["meshes.folder", "robot.folder", "topics.depth", "topics.outcome", "gripper.name", "compute.address"]
+
+
+def test_text_is_taken_as_it_is_typed(workplace):
+    for start in range(0, len(AS_TYPED), 2):
+        texts = {key: AS_TYPED[(start + i) % len(AS_TYPED)] for i, key in enumerate(TEXT_KEYS)}
+        result = CliRunner().invoke(app, ["params", *(f"{key}={text}" for key, text in texts.items())])
+        assert (result.exit_code, result.output) == (0, ""), texts
+        file = workplace / "params.yaml"
+        for values in (
+            yaml.safe_load(file.read_text(encoding="utf-8")),
+            load_yaml(str(file)),
+        ):  # as we and as DVC read it
+            for key, text in texts.items():
+                section, name = key.split(".")
+                assert values[section][name] == (None if (key, text) == ("compute.address", "null") else text)
+
+
+def test_null_is_no_address():
+    assert composed("compute=cluster", "compute.address=null")["compute"]["address"] is None
+
+
+@pytest.mark.parametrize("key", ["meshes.folder", "robot.folder"])
+def test_a_folder_may_lie_in_the_home_directory(monkeypatch, key):
+    monkeypatch.setenv("HOME", "/home/o'neil")
+    section, name = key.split(".")
+    assert composed(f"{key}=~/x (1)")[section][name] == "/home/o'neil/x (1)"
+    assert composed("topics.depth=~/x")["topics"]["depth"] == "~/x"
+
+
 def test_later_arguments_win_over_groups():
     assert composed("meshes.train=7", "scale=paper")["meshes"]["train"] == 7
 
@@ -148,6 +243,15 @@ def test_composing_leaves_hydra_as_it_was():
         ("networks=[alexnet", "networks=[alexnet: "),
         ("topics.depth=${nowhere}", "topics.depth: "),
         ("topics.depth=???", "topics.depth: missing"),
+        ("topics.depth", "topics.depth: takes GROUP=CHOICE or KEY=VALUE"),
+        ("topics.depth=", "topics.depth: empty; it takes sensor_msgs/Image"),
+        ("gripper.name=", "gripper.name: empty"),
+        ("compute.address=", "compute.address: empty; it takes running Dask scheduler"),
+        ("meshes.folder=", "meshes.folder: empty; it takes directory or .zip"),
+        ("meshes.folder=${oc.env:HOME}", "meshes.folder: '${oc.env:HOME}' holds ${"),
+        ("meshes.folder=\udcff", "meshes.folder: '\\udcff' is not UTF-8"),
+        ("meshes.folder=~nobody-here/x", "meshes.folder: '~nobody-here/x' is not expanded"),
+        ("robot.folder=s3://x/y", "robot.folder: 's3://x/y' is a URL"),
         ("label=5", "label: takes a mapping"),
         ("gripper=claw", "gripper: 'claw' is not one of franka_hand, kinova_mico"),
         ("gripper.joints=sliding", "gripper.joints: 'sliding' is not one of revolute, prismatic"),
@@ -163,6 +267,20 @@ def test_bad_argument_is_one_line_and_writes_nothing(workplace, argument, names)
     assert result.stderr.count("\n") == 1
     assert result.stdout == ""
     assert not (workplace / "params.yaml").exists()
+
+
+@pytest.mark.parametrize("key", ["meshes.folder", "robot.folder"])
+def test_a_folder_that_dvc_would_remove_is_refused_before_anything_is_written(workplace, key):
+    (workplace / "dvc.yaml").symlink_to(ROOT / "dvc.yaml")
+    before = "as it was"
+    (workplace / "params.yaml").write_text(before)
+    result = CliRunner().invoke(app, ["params", f"{key}=data/recordings"])
+    assert result.exit_code == 2
+    assert result.stderr.startswith(
+        f"{key}: 'data/recordings' shares files with data/recordings, which stage record_robot"
+    )
+    assert result.stderr.count("\n") == 1
+    assert (workplace / "params.yaml").read_text() == before
 
 
 def test_params_away_from_conf_says_where_it_looked(tmp_path, monkeypatch):

@@ -156,9 +156,104 @@ def test_undeclared_sections_are_validated_too(root):
         load("settle", root=root)
 
 
+@pytest.fixture
+def project(tmp_path):
+    """The repository's params.yaml and dvc.yaml, with outputs of every kind and every way to name one."""
+    folder = tmp_path / "project"
+    folder.mkdir()
+    (folder / "params.yaml").write_text((ROOT / "params.yaml").read_text())
+    stages = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
+    stages["kinds"] = {"metrics": ["kinds/metric.json"], "plots": [{"kinds/plot.csv": {"x": "step"}}]}
+    stages["named"] = {"outs": ["by-${scale}/${meshes.source}", "by-${ robot.objects }/${item}.csv"]}
+    stages["foreach"] = {"foreach": [1, 2], "do": {"wdir": "inner", "outs": ["each/${item}"]}}
+    (folder / "dvc.yaml").write_text(yaml.safe_dump({"stages": stages}, sort_keys=False))
+    return folder
+
+
+def with_folder(project, key, folder):
+    section, name = key.split(".")
+    (project / "params.yaml").write_text(yaml.safe_dump(changed((section, name), str(folder))))
+    return load("select_meshes", root=project)
+
+
+@pytest.mark.parametrize("key", ["meshes.folder", "robot.folder"])
+@pytest.mark.parametrize(
+    "folder, out",
+    [
+        ("data/recordings", "data/recordings"),
+        ("data/recordings/", "data/recordings"),
+        ("data/recordings/of/mine", "data/recordings"),
+        ("./data/../data/recordings", "data/recordings"),
+        ("../project/data/recordings", "data/recordings"),
+        ("data/objects/train", "data/objects/train"),
+        ("data", "data/inputs_checked"),
+        (".", "data/inputs_checked"),
+        ("..", "data/inputs_checked"),
+        ("/", "data/inputs_checked"),
+        ("data/networks/fcn", "data/networks"),
+        ("data/networks/mine", "data/networks"),
+        ("data/functions", "data/functions"),
+        ("reports", "reports/table1.csv"),
+        ("reports/figures/mine", "reports/figures"),
+        ("kinds", "kinds/metric.json"),
+        ("kinds/plot.csv", "kinds/plot.csv"),
+        ("by-desktop/procedural/x", "by-desktop/procedural"),
+        ("by-20/x", "by-20"),
+        ("inner/each/3", "inner/each"),
+    ],
+)
+def test_a_folder_that_shares_files_with_an_output_is_refused(project, key, folder, out):
+    for written in (folder, project / folder):
+        with pytest.raises(ParameterError) as caught:
+            with_folder(project, key, written)
+        message = str(caught.value)
+        assert message.startswith(f"{key}: {str(written)!r} shares files with {out}, which stage ")
+        assert "\n" not in message
+
+
+@pytest.mark.parametrize("key", ["meshes.folder", "robot.folder"])
+def test_links_to_and_from_outputs_are_followed(project, tmp_path, key):
+    out = project / "data/recordings"
+    (out / "inside").mkdir(parents=True)
+    (tmp_path / "link").symlink_to(out)
+    (tmp_path / "parent").symlink_to(project / "data")
+    (tmp_path / "inside").symlink_to(out / "inside")
+    (tmp_path / "elsewhere").mkdir()
+    (out / "away").symlink_to(tmp_path / "elsewhere")  # the link itself would be removed
+    (project / "data/objects").mkdir()
+    (project / "data/objects/train").symlink_to(tmp_path / "elsewhere")
+    links = [tmp_path / name for name in ("link", "parent", "parent/recordings", "parent/recordings/x", "inside")]
+    for folder in (*links, "../link", "data/recordings/away", tmp_path / "elsewhere", "../elsewhere/mine"):
+        with pytest.raises(ParameterError, match=f"^{key}: .* shares files with data/"):
+            with_folder(project, key, folder)
+
+
+@pytest.mark.parametrize("key", ["meshes.folder", "robot.folder"])
+@pytest.mark.parametrize(
+    "folder", ["inputs/recordings", "../recordings", "data2", "recordings", "data/recordings2", "datä", "by-paper"]
+)
+def test_a_folder_apart_from_outputs_is_taken(project, key, folder):
+    with_folder(project, key, folder)
+    with_folder(project, key, project / folder)
+
+
+@pytest.mark.parametrize("path", [path for path, hint, rule in walk() if hint in (str, str | None)], ids=".".join)
+@pytest.mark.parametrize("text", ["", "a${b}"])
+def test_text_is_not_empty_and_no_template(path, text):
+    assert refused(changed(path, text)).startswith(".".join(path) + ": ")
+
+
+def test_a_folder_that_dvc_would_not_expand_is_refused():
+    for key in ("meshes.folder", "robot.folder"):
+        assert refused(changed(tuple(key.split(".")), "~/x")).startswith(f"{key}: '~/x' is not expanded")
+
+
 def test_file_that_is_absent_or_not_yaml_is_named(root):
     (root / "params.yaml").write_text("seed: 0\nmeshes: [1, 2\ncamera: {")
     with pytest.raises(ParameterError, match=r"params\.yaml: not YAML: .*line 3"):
+        load("settle", root=root)
+    (root / "params.yaml").write_bytes("scale: Größe".encode("latin-1"))
+    with pytest.raises(ParameterError, match=r"params\.yaml: not UTF-8"):
         load("settle", root=root)
     (root / "params.yaml").unlink()
     with pytest.raises(ParameterError, match=r"params\.yaml: no such file$"):

@@ -8,7 +8,7 @@ import pytest
 from graspfn.geometry import grid
 from graspfn.params import Plan
 from graspfn.planning.methods import best_grasp, robust_best_grasp
-from graspfn.planning.smoothing import robust_function_at
+from graspfn.planning.smoothing import PlanningError, robust_function_at, smooth
 
 PLAN = Plan(fine_uv=5, fine_theta=6)
 
@@ -88,3 +88,62 @@ def test_the_pose_stays_within_q():
     u, v, theta = robust_best_grasp(f, 0.02, 0.5, PLAN, np.random.default_rng(0))
     assert (u, v) == pytest.approx((0.215, -0.16))
     assert theta == pytest.approx(5 * grid.CELL_RAD)
+
+
+@pytest.mark.parametrize("f", [np.zeros(grid.SHAPE), np.zeros(grid.SHAPE, np.uint8), np.full(grid.SHAPE, -0.1)])
+def test_without_a_score_above_zero_there_is_no_grasp(f):
+    rng = np.random.default_rng(0)
+    assert best_grasp(f, rng) is None
+    assert robust_best_grasp(f, 0.01, 0.3, PLAN, rng) is None
+
+
+def test_a_robust_function_of_zeros_is_no_grasp():
+    """The only score is so small, and spread so far, that nothing is left of it."""
+    f = np.zeros(grid.SHAPE)
+    f[16, 20, 3] = 5e-324
+    assert best_grasp(f, np.random.default_rng(0)) is not None
+    assert robust_best_grasp(f, 0.1, 0.3, PLAN, np.random.default_rng(0)) is None
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1e-9, 1e-14, 1e-30, 1e3])
+def test_the_pose_does_not_depend_on_the_scale_of_the_scores(scale):
+    """Scores of a softmax are never 0; however small they all are, the highest is the highest."""
+    f = np.random.default_rng(6).random(grid.SHAPE)
+    for plan in (best_grasp, lambda f, rng: robust_best_grasp(f, 0.01, 0.3, PLAN, rng)):
+        poses = [plan(g, np.random.default_rng(seed)) for g in (f, scale * f) for seed in (0, 1)]
+        np.testing.assert_array_equal(poses, [poses[0]] * 4)
+
+
+def test_a_small_constant_function_is_still_planned_on():
+    f = np.full(grid.SHAPE, 1e-6, np.float32)
+    q = robust_best_grasp(f, 0.01, 0.3, PLAN, np.random.default_rng(0))
+    assert np.hypot(*q[:2]) < 0.2 and best_grasp(f, np.random.default_rng(0)) is not None
+
+
+@pytest.mark.parametrize("bad", [-1e-9, -0.01, np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("which", ["sigma_uv", "sigma_theta"])
+def test_what_is_no_standard_deviation_is_refused_by_name(bad, which):
+    f = np.random.default_rng(0).random(grid.SHAPE)
+    sigmas = (bad, 0.3) if which == "sigma_uv" else (0.01, bad)
+    for plan in (lambda: robust_best_grasp(f, *sigmas, PLAN, np.random.default_rng(0)), lambda: smooth(f, *sigmas)):
+        with pytest.raises(PlanningError, match=rf"^{which}: is .*; it takes a finite number of at least 0$"):
+            plan()
+
+
+@pytest.mark.parametrize(
+    ("f", "says"),
+    [
+        (np.where(np.arange(8712).reshape(grid.SHAPE) % 1000, 0.5, np.nan), "9 of its 8712 scores are NaN or infinite"),
+        (np.full(grid.SHAPE, np.inf), "8712 of its 8712 scores"),
+        (np.ones((6, 33, 44)), r"shape \(6, 33, 44\); it takes numbers of shape \(33, 44, 6\)"),
+        (np.ones((1, *grid.SHAPE)), "of shape"),
+        (np.ones(0), "of shape"),
+        (np.ones(grid.SHAPE, complex), "is complex128"),
+        (np.full(grid.SHAPE, "1"), "is <U1"),
+    ],
+)
+def test_what_is_no_grasp_function_is_refused_by_name(f, says):
+    rng = np.random.default_rng(0)
+    for plan in (lambda: best_grasp(f, rng), lambda: robust_best_grasp(f, 0.01, 0.3, PLAN, rng)):
+        with pytest.raises(PlanningError, match=f"^grasp function: .*{says}"):
+            plan()

@@ -89,6 +89,23 @@ def drawings():
     }
 
 
+def test_names_are_not_taken_for_formulas():
+    depth, _ = scene()
+    grasp = figures_images.ExecutedGrasp("cup $x_{$", depth, np.zeros(3), np.zeros(3))
+    figure = figures_images.draw_example_grasps([grasp], 100, CAMERA, simulated=False)
+    assert "cup $x_{$" in words(figure) and png_bytes(figure)
+
+
+def test_a_function_without_a_grasp_is_drawn_with_words_in_its_place():
+    depth, f = scene()
+    q = np.zeros(3)
+    poses = {"good": [(q, q)], "none": [(None, None)]}
+    figure = figures_functions.draw_predictions([depth], {"good": [f], "none": [0 * f]}, poses, 100, CAMERA)
+    assert "no grasp" in words(figure) and png_bytes(figure)
+    figure = figures_functions.draw_growing_uncertainty([depth], [[q, None]], [(5, 10), (20, 40)], 100, CAMERA)
+    assert words(figure).count("no grasp") == 1 and png_bytes(figure)
+
+
 def words(figure):
     return " ".join(text.get_text() for text in figure.findobj(lambda artist: hasattr(artist, "get_text")))
 

@@ -6,6 +6,7 @@ A third box of each split never comes to rest.
 import dataclasses
 import json
 import re
+import shutil
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -23,9 +24,9 @@ from graspfn.params import read_yaml, validate
 from graspfn.reporting import figures, page, shading
 from graspfn.reporting.inputs import example_label, load_inputs, spread
 from graspfn.reporting.page import Picture
-from graspfn.reporting.report import write_report
+from graspfn.reporting.report import write_report, write_tables
 from graspfn.robot.analyse import analyse
-from graspfn.robot.read import recordings
+from graspfn.robot.read import read_trial, recordings
 from graspfn.robot.record import write_trial
 from graspfn.robot.trial import Condition, TrialRecording
 from graspfn.workflow.files import write_npz, write_parquet
@@ -94,7 +95,7 @@ def write_data(data, params):
         table.to_csv(data / folder / "fcn/history.csv", index=False)
     rows = [
         {"id": name, "method": method, "network": network, "sigma_uv_mm": uv, "sigma_theta_deg": theta}
-        | {"success": method != "Best Grasp" or uv < 10}
+        | {"success": method != "Best Grasp" or uv < 10, "u_m": 0.0}
         for name in tested
         for uv, theta in SIGMAS
         for method, network in plans()
@@ -279,3 +280,24 @@ def test_example_label_is_the_third_quartile():
 )
 def test_durations_are_in_the_unit_people_would_use(value, said):
     assert page.seconds(value) == said
+
+
+def test_recordings_without_a_grasp_reach_table_2_and_the_page(inputs, tmp_path):
+    """One trial of each object and condition becomes one where nothing was found to try."""
+    data = tmp_path / "data"
+    shutil.copytree(inputs.data, data)
+    for path in recordings(data / "recordings"):
+        trial = read_trial(path, inputs.params.topics)
+        if trial.condition.method == "Best Grasp":
+            failed = dataclasses.replace(trial, commanded=None, achieved=None, success=False)
+            write_trial(path, failed, inputs.params.topics, "32FC1")
+    trials, estimates = analyse(recordings(data / "recordings"), inputs.params.topics)
+    write_parquet(data / "robot_trials.parquet", trials)
+    write_parquet(data / "robot_uncertainty.parquet", estimates)
+    with_failures = load_inputs(data, inputs.params, {})
+    assert all(len(grasp.commanded) == 3 for grasp in with_failures.recorded.grasps)
+    layouts = write_tables(with_failures, tmp_path / "tables")
+    assert "In 4 of the 12 trials the method found no grasp, which is a failure." in layouts[1].caption
+    table = pd.read_csv(tmp_path / "tables/table2.csv")
+    assert table.loc[table["method"] == "Best Grasp (fcn)", "success"].eq(0).all()
+    assert table["no_grasp"].sum() == 4

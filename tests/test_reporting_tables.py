@@ -9,7 +9,7 @@ import pytest
 
 from graspfn.evaluation.statistics import proportion
 from graspfn.reporting import layout, paper, tables
-from graspfn.reporting.metrics import metrics, robust_gain
+from graspfn.reporting.metrics import TABLE_2_PAIR, metrics, robust_gain
 
 METHODS = ("Centroid", "Best Grasp", "Robust Best Grasp")
 SUCCESSES = {"Centroid": 3, "Best Grasp": 5, "Robust Best Grasp": 8}  # of ten objects
@@ -22,7 +22,7 @@ def simulated_trials():
             held = SUCCESSES[method] - (network == "alexnet")
             rows += [
                 {"id": f"o{i}", "method": method, "network": network, "sigma_uv_mm": uv, "sigma_theta_deg": theta}
-                | {"success": i < held}
+                | {"success": i < held, "u_m": 0.0}
                 for i in range(10)
             ]
     return pd.DataFrame(rows).sample(frac=1, random_state=0)
@@ -36,7 +36,12 @@ def robot_trials(simulated=True):
         for network in [""] if method == "Centroid" else ["alexnet", "fcn"]:
             rows.append(
                 {"object": f"o{i}", "placement": placement, "method": method, "network": network, "sigma_uv_mm": uv}
-                | {"sigma_theta_deg": theta, "success": i < 3 and method != "Centroid", "simulated": simulated}
+                | {
+                    "sigma_theta_deg": theta,
+                    "success": i < 3 and method != "Centroid",
+                    "simulated": simulated,
+                    "u_m": 0.0,
+                }
             )
     return pd.DataFrame(rows)
 
@@ -203,6 +208,19 @@ def test_robust_gain_pairs_trials_whatever_their_order():
     assert gain.pairs == 40 and gain.clusters == 10
     assert gain.value == pytest.approx(0.3)
     assert gain.low < 0.3 < gain.high
+
+
+@pytest.mark.parametrize("apart", ["placement", "method"])
+def test_methods_that_shared_no_trial_have_no_gain(apart):
+    """A robot may have tried each method on placements of its own, or one method alone."""
+    trials = robot_trials()
+    trials = (
+        trials[trials["method"] != "Best Grasp"] if apart == "method" else trials.assign(placement=trials["method"])
+    )
+    assert robust_gain(trials, "fcn", "object", TABLE_2_PAIR) is None
+    found = metrics(simulated_trials(), trials, account(), 5, {})
+    assert "robust_best_grasp" in found["table2"]["fcn"] and "robust_minus_best" not in found["table2"]["fcn"]
+    assert "robust_minus_best" in found["table1"]["fcn"]
 
 
 def test_metrics_hold_the_tables_means_and_the_labels_shares():

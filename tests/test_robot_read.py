@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tracemalloc
 from pathlib import Path
 from types import SimpleNamespace
@@ -31,12 +32,12 @@ def others(path: Path, order=None, metadata=True, **counts) -> Path:
     entries = []
     for i in range(counts.get("depth", 3)):
         image = messages.depth_image(np.full((4, 6), 0.1 * (i + 1), np.float32), "32FC1", frame)
+        image |= counts.get("image", {})
         entries.append((10 * i, TOPICS.depth, "sensor_msgs/msg/Image", image))
     late = messages.depth_image(np.full((4, 6), 9.0, np.float32), "32FC1", frame)
     entries.append((200, TOPICS.depth, "sensor_msgs/msg/Image", late))
-    entries.append(
-        (5, TOPICS.camera_info, "sensor_msgs/msg/CameraInfo", messages.camera_info(np.eye(3), (4, 6), frame))
-    )
+    info = messages.camera_info(np.eye(3), (4, 6), frame) | counts.get("info", {})
+    entries.append((5, TOPICS.camera_info, "sensor_msgs/msg/CameraInfo", info))
     for topic, q in ((TOPICS.commanded, made.commanded), (TOPICS.achieved, made.achieved)):
         for i in range(counts.get(topic, 1)):
             pose = messages.pose_stamped(q, frame)
@@ -107,10 +108,74 @@ def test_byte_order_and_row_padding_do_not_show(encoding, big, padding):
     np.testing.assert_allclose(decode.depth(image(depth, encoding, big, padding)), depth, rtol=1e-6)
 
 
-@pytest.mark.parametrize("invalid", [0.0, np.nan, np.inf, -1.0])
+@pytest.mark.parametrize("invalid", [0.0, -0.0, np.nan, np.inf, -np.inf, -1.0])
 def test_every_way_of_saying_no_measurement_becomes_nan(invalid):
     depth = decode.depth(image(np.array([[0.4, invalid]]), "32FC1", False, 0))
     np.testing.assert_array_equal(depth, np.array([[0.4, np.nan]], dtype=np.float32))
+
+
+@pytest.mark.parametrize("encoding", ["16UC1", "mono16"])
+@pytest.mark.parametrize("invalid", [0.0, 65.535])
+def test_both_ends_of_16_bits_are_no_measurement(encoding, invalid):
+    message = image(np.array([[0.4, invalid, 65.534]]), "16UC1", False, 0)
+    message.encoding = encoding
+    np.testing.assert_allclose(decode.depth(message), [[0.4, np.nan, 65.534]], rtol=1e-6)
+
+
+def test_what_16_bits_do_not_hold_is_written_as_no_measurement():
+    depth = np.array([[0.4, np.nan, np.inf, -np.inf, -1.0, 0.0, 65.534, 65.535, 1e6]], np.float32)
+    message = SimpleNamespace(**messages.depth_image(depth, "16UC1", {}))
+    assert np.frombuffer(message.data, "<u2").tolist() == [400, 0, 0, 0, 0, 0, 65534, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "topic", "says"),
+    [
+        ({"image": {"data": bytes(96)}}, "depth", "without a single measurement"),
+        ({"image": {"data": np.full(24, np.nan, "<f4").tobytes()}}, "depth", "without a single measurement"),
+        ({"image": {"data": b"\xff" * 48, "encoding": "16UC1", "step": 12}}, "depth", "without a single measurement"),
+        ({"image": {"height": 0, "width": 0, "step": 0, "data": b""}}, "depth", "0 rows of 0 pixels"),
+        ({"image": {"height": 0}}, "depth", "0 rows of 6 pixels"),
+        ({"image": {"width": 0}}, "depth", "4 rows of 0 pixels"),
+        ({"image": {"step": 23}}, "depth", "does not fit its 96 bytes"),
+        ({"image": {"step": 2**32 - 1}}, "depth", "does not fit its 96 bytes"),
+        ({"image": {"height": 2**32 - 1}}, "depth", "does not fit its 96 bytes"),
+        ({"image": {"data": bytes(95)}}, "depth", "does not fit its 95 bytes"),
+        ({"image": {"encoding": "bgr8"}}, "depth", "encoding 'bgr8'; it takes 16UC1"),
+        ({"image": {"encoding": ""}}, "depth", "encoding ''"),
+        ({"image": {"height": 2}}, "camera_info", "of 6x4 pixels; the depth image has 6x2"),
+        ({"info": {"height": 0, "width": 0}}, "camera_info", "of 0x0 pixels; the depth image has 6x4"),
+        ({"info": {"height": 480, "width": 640}}, "camera_info", "of 640x480 pixels"),
+        ({"info": {"binning_x": 2}}, "camera_info", "of 3x4 pixels"),
+        ({"info": {"k": [0.0] * 9}}, "camera_info", "focal lengths above 0"),
+        ({"info": {"k": [-570.0, 0, 3, 0, 570, 2, 0, 0, 1]}}, "camera_info", "focal lengths above 0"),
+        ({"info": {"k": [np.nan] * 9}}, "camera_info", "focal lengths above 0"),
+    ],
+)
+def test_an_image_that_nothing_could_be_planned_on_is_refused_with_its_topic(tmp_path, changes, topic, says):
+    path = others(tmp_path / "bag.mcap", **changes)
+    with pytest.raises(RecordingError, match=re.escape(says)) as error:
+        read_trial(path, TOPICS)
+    assert str(error.value).startswith(f"{path}: topic {getattr(TOPICS, topic)}: ")
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("shape", [(1, 6), (4, 1), (1, 1)])
+def test_an_image_of_one_row_or_column_is_an_image(tmp_path, shape):
+    small = messages.depth_image(np.full(shape, 0.4, np.float32), "32FC1", messages.header(0, ""))
+    info = {"height": shape[0], "width": shape[1]}
+    assert read_trial(others(tmp_path / "a.mcap", image=small, info=info), TOPICS).depth.shape == shape
+
+
+def test_the_camera_matrix_is_of_the_image_and_not_of_the_whole_sensor(tmp_path):
+    """A point seen at pixel p of the sensor is at (p - offset) / bins of an image of a binned region."""
+    roi = {"x_offset": 100, "y_offset": 60, "height": 8, "width": 18, "do_rectify": False}
+    K = np.array([[570.0, 0, 319.5], [0, 560.0, 239.5], [0, 0, 1]])
+    info = {"height": 480, "width": 640, "k": K.ravel().tolist(), "roi": roi, "binning_x": 3, "binning_y": 2}
+    found = read_trial(others(tmp_path / "a.mcap", info=info), TOPICS).camera_matrix
+    point = np.array([0.01, -0.02, 0.4])
+    sensor, seen = K @ point / 0.4, found @ point / 0.4
+    np.testing.assert_allclose(seen[:2], (sensor[:2] - [100, 60]) / [3, 2])
 
 
 def test_images_that_cannot_be_depth_are_refused():
@@ -120,10 +185,10 @@ def test_images_that_cannot_be_depth_are_refused():
             decode.depth(SimpleNamespace(**(vars(good) | change)))
 
 
-def stamped(rotation: Rotation, frame: str = "table", scale: float = 1.0) -> SimpleNamespace:
+def stamped(rotation: Rotation, frame: str = "table", scale: float = 1.0, metres: float = 1.0) -> SimpleNamespace:
     x, y, z, w = scale * rotation.as_quat()
     orientation = SimpleNamespace(x=x, y=y, z=z, w=w)
-    position = SimpleNamespace(x=0.1, y=-0.2, z=0.05)
+    position = SimpleNamespace(x=0.1 * metres, y=-0.2 * metres, z=0.05)
     pose = SimpleNamespace(position=position, orientation=orientation)
     return SimpleNamespace(header=SimpleNamespace(frame_id=frame), pose=pose)
 
@@ -153,6 +218,8 @@ def test_theta_is_the_direction_of_closing_however_the_quaternion_says_it(theta)
         (stamped(Rotation.from_euler("y", np.pi / 2)), "off the table"),
         (stamped(Rotation.identity(), scale=0.0), "quaternion"),
         (stamped(Rotation.identity(), scale=np.nan), "quaternion"),
+        (stamped(Rotation.identity(), metres=1000), "223.607 m from the image centre; it takes metres"),
+        (stamped(Rotation.identity(), metres=np.nan), "position is not finite"),
     ],
 )
 def test_poses_that_are_no_grasp_are_refused(message, says):

@@ -176,8 +176,6 @@ def test_families_fall_on_one_side(shapes):
     assert sorted(map(list, sides)) == [["a"], ["b"]]
 
 
-@pytest.mark.filterwarnings("ignore::ResourceWarning")  # Dask leaves sockets to the garbage collector
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_the_number_of_workers_changes_nothing(shapes):
     (shapes / "empty.off").touch()
     wanted = meshes("folder", 5, 4, shapes)

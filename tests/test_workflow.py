@@ -20,12 +20,6 @@ from graspfn.workflow.parallel import AHEAD, map_in_order, map_objects
 from graspfn.workflow.seeds import generator, seed_of
 from graspfn.workflow.shards import code_digest, shard_key
 
-# Dask leaves sockets to the garbage collector.
-pytestmark = [
-    pytest.mark.filterwarnings("ignore::ResourceWarning"),
-    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
-]
-
 
 def compute(workers: int) -> Compute:
     return Compute(address=None, workers=workers, device="cpu", checkpoint_s=60.0, loaders=0)

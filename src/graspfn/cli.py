@@ -6,12 +6,13 @@ import ctypes
 import importlib.metadata
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from graspfn.params import ParameterError, read_yaml, validate
+from graspfn.params import ParameterError, check_folders, read_yaml, validate
 
 # Loaded by name, so that a missing one is told before dartpy or moderngl is imported and fails at length.
 # Debian's names; libgl1 brings libX11, which dartpy loads as well.
@@ -53,13 +54,13 @@ def params(
         typer.echo(str(error), err=True)
         raise typer.Exit(2) from None
     with atomic(Path("params.yaml")) as temporary:
-        temporary.write_text(text)
+        temporary.write_text(text, encoding="utf-8")
 
 
 @app.command()
 def check() -> None:
-    """Say, a line each, what is wrong with params.yaml and which system libraries are missing."""
-    _end_at(_problems(), 1)
+    """Say, a line each, what is wrong with params.yaml and its folders, and which system libraries are missing."""
+    _end_at(_problems() or _folder_problems(), 1)
 
 
 @app.command()
@@ -106,6 +107,36 @@ def _problems() -> list[str]:
         if not _loads(file)
     ]
     return problems
+
+
+def _folder_problems() -> list[str]:
+    """Which folders of the user's own files cannot be used, in the words of the stages that would read them."""
+    params = validate(read_yaml(Path("params.yaml")))
+    checks: list[Callable[[], object]] = [lambda: check_folders(params)]
+    if params.meshes.source in ("folder", "modelnet40"):
+        from graspfn.selection.sources import source_of  # trimesh is slow to import
+
+        checks.append(lambda: source_of(params.meshes))
+    else:
+        checks.append(lambda: _watched("meshes.folder", params.meshes.folder))
+    if params.robot.source == "folder":
+        from graspfn.robot.read import recordings
+
+        checks.append(lambda: recordings(Path(params.robot.folder)))
+    else:
+        checks.append(lambda: _watched("robot.folder", params.robot.folder))
+    problems = []
+    for check in checks:
+        try:
+            check()
+        except ValueError as error:  # ParameterError, MeshError, RecordingError
+            problems.append(str(error))
+    return problems
+
+
+def _watched(key: str, folder: str) -> None:
+    if not Path(folder).exists():
+        raise ParameterError(f"{key}: {folder}: no such file or folder; DVC watches it even where it is not used")
 
 
 def _end_at(problems: list[str], status: int) -> None:

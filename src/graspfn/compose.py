@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
+import os
 import re
 import typing
 from collections.abc import Iterator
@@ -17,12 +19,14 @@ from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
-from graspfn.params import Key, ParameterError, Params, section_type, validate
+from graspfn.params import FOLDERS, Key, ParameterError, Params, check_folders, section_type, validate
 
 HEADER = """\
 # Every parameter of the workflow. Edit a value here, or compose the file anew: `graspfn params GROUP=CHOICE KEY=VALUE`;
 # the groups and their choices are the folders and files of conf/. `graspfn check` says whether all is well.
 """
+# Text that DVC, which reads YAML 1.2, would take for a number where PyYAML, which writes 1.1, leaves out the quotes.
+NUMBER_TO_DVC = re.compile(r"[-+]?\.?\d[\d_.]*(e[-+]?\d+)?|0o[0-7_]+", re.IGNORECASE)
 
 
 def compose(overrides: list[str], conf: Path = Path("conf")) -> dict[str, Any]:
@@ -32,10 +36,13 @@ def compose(overrides: list[str], conf: Path = Path("conf")) -> dict[str, Any]:
     """
     if not (conf / "config.yaml").is_file():
         raise ParameterError(f"{conf / 'config.yaml'}: no such file; run graspfn in the folder that holds conf")
-    checked = [_override(text, conf) for text in overrides]
+    texts = {key: text for override in overrides for key, text in _text(override, conf)}
+    checked = [_override(override, conf) for override in overrides if override.partition("=")[0] not in texts]
     try:
         with initialize_config_dir(config_dir=str(conf.resolve()), version_base=None):
             config = hydra_compose("config", overrides=checked)
+        for key, text in texts.items():
+            OmegaConf.update(config, key, text, force_add=True)
         values = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
     except MissingMandatoryValue as error:
         raise ParameterError(f"{error.full_key}: missing; add {error.full_key}=VALUE") from None
@@ -44,8 +51,35 @@ def compose(overrides: list[str], conf: Path = Path("conf")) -> dict[str, Any]:
     except HydraException as error:
         wrong = getattr(error, "override", None) or " ".join(overrides)
         raise ParameterError(f"{wrong.lstrip('+')}: {_first_line(error)}") from None
-    validate(values)
+    check_folders(validate(values), conf.parent)
     return typing.cast(dict[str, Any], values)
+
+
+def _text(override: str, conf: Path) -> Iterator[tuple[str, str | None]]:
+    """Key and value, where the key takes text: that is taken as it is typed, not in Hydra's grammar."""
+    key, equals, value = override.partition("=")
+    taken, rule = _hint(key)
+    if not equals or (conf / key).is_dir():
+        return
+    if taken == str | None and value == "null":
+        yield key, None
+    elif taken in (str, str | None):
+        value = os.path.expanduser(value) if key in FOLDERS else value
+        rule.check(value, key)
+        yield key, value
+
+
+def _hint(key: str) -> tuple[Any, Key]:
+    """The type and the rule of a key; of one that Params does not have, none that asks for anything."""
+    hint: Any = Params
+    for name in key.split("."):
+        if typing.get_origin(hint) is dict:
+            hint = typing.get_args(hint)[1]
+        elif dataclasses.is_dataclass(hint):
+            hint = typing.get_type_hints(hint, include_extras=True).get(name)
+        else:
+            hint = None
+    return typing.get_args(hint)[:2] if typing.get_origin(hint) is Annotated else (hint, Key(""))
 
 
 def _override(text: str, conf: Path) -> str:
@@ -102,7 +136,11 @@ def _section(hint: Any, values: dict[str, Any]) -> type:
 
 
 def _leaf(name: str, value: Any) -> str:
-    text = yaml.safe_dump(value, default_flow_style=True, width=1000).removesuffix("...\n")  # a lone scalar's end mark
+    plain = not isinstance(value, str) or (value.isprintable() and not NUMBER_TO_DVC.fullmatch(value))
+    text = yaml.safe_dump(
+        value, default_flow_style=True, default_style=None if plain else '"', allow_unicode=plain, width=math.inf
+    )
+    text = text.removesuffix("...\n")  # a lone scalar's end mark
     return f"{name}: {text.strip()}"
 
 

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
 import re
 import types
 import typing
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -18,6 +20,7 @@ import yaml
 
 T = TypeVar("T")
 SOURCES = ("procedural", "open_objects", "rgb_objects", "random_urdfs", "ycb", "modelnet40", "folder")
+FOLDERS = ("meshes.folder", "robot.folder")  # of the user's own files
 LOOK_MS = 10  # attempts look at their state this often, and so take steps of which so much is a multiple
 
 
@@ -41,12 +44,22 @@ class Key:
                 continue
             if self.one_of and item not in self.one_of:
                 raise ParameterError(f"{key}: {item!r} is not one of {', '.join(self.one_of)}")
+            if isinstance(item, str):
+                self._check_text(item, key)
             if self.at_least is not None and not item >= self.at_least:
                 raise ParameterError(f"{key}: {item} is below {self.at_least:g}; it takes {self.meaning}")
             if self.above is not None and not item > self.above:
                 raise ParameterError(f"{key}: {item} is not above {self.above:g}; it takes {self.meaning}")
             if self.at_most is not None and not item <= self.at_most:
                 raise ParameterError(f"{key}: {item} is above {self.at_most:g}; it takes {self.meaning}")
+
+    def _check_text(self, text: str, key: str) -> None:
+        if not text:
+            raise ParameterError(f"{key}: empty; it takes {self.meaning}")
+        if "${" in text:
+            raise ParameterError(f"{key}: {text!r} holds ${{, which begins a template of DVC; it takes {self.meaning}")
+        if any("\ud800" <= character <= "\udfff" for character in text):  # how Python hands on bytes that are not UTF-8
+            raise ParameterError(f"{key}: {text!r} is not UTF-8; it takes {self.meaning}")
 
 
 @dataclass(frozen=True)
@@ -349,6 +362,11 @@ def validate(values: Any) -> Params:
             raise ParameterError(f"networks: {name!r} is not a key of `network` ({', '.join(params.network)})")
     if params.meshes.size_max_cm < params.meshes.size_min_cm:
         raise ParameterError("meshes.size_max_cm: below meshes.size_min_cm")
+    for key, folder in _folders(params):
+        if folder.startswith("~"):
+            raise ParameterError(f"{key}: {folder!r} is not expanded; it takes the path in full, or ./{folder}")
+        if "://" in folder:
+            raise ParameterError(f"{key}: {folder!r} is a URL; it takes a path on this machine")
     _check_fingers(params.gripper, params)
     looks = LOOK_MS / params.physics.time_step_ms
     if abs(looks - round(looks)) > 1e-9:
@@ -375,12 +393,73 @@ def _check_fingers(gripper: Gripper, params: Params) -> None:
         raise ParameterError(f"attempt.close_s: takes at least {meet_s:.2g}, in which the open fingertips meet")
 
 
+def _folders(params: Params) -> Iterator[tuple[str, str]]:
+    for key in FOLDERS:
+        section, _, name = key.partition(".")
+        yield key, getattr(getattr(params, section), name)
+
+
+def check_folders(params: Params, root: Path = Path()) -> None:
+    """Refuse a folder that shares files with an output of a stage: DVC removes outputs before a stage runs.
+
+    Raises ParameterError, which names the key, the folder and the output.
+    """
+    outs = list(_outs(root / "dvc.yaml", dataclasses.asdict(params)))
+    for key, folder in _folders(params):
+        for stage, out in outs:
+            if _overlap(root / folder, root / out):
+                raise ParameterError(
+                    f"{key}: {folder!r} shares files with {out}, which stage {stage} removes and writes anew;"
+                    " it takes a folder that no stage writes to"
+                )
+
+
+def _outs(file: Path, values: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """(stage, path) of all that the stages of dvc.yaml write."""
+    stages = read_yaml(file)["stages"] if file.is_file() else {}
+    for name, stage in stages.items():
+        stage = stage.get("do", stage)  # of a foreach stage
+        for entry in (entry for kind in ("outs", "metrics", "plots") for entry in stage.get(kind, ())):
+            path = entry if isinstance(entry, str) else next(iter(entry))
+            yield name, _filled(os.path.join(stage.get("wdir", ""), path), values)
+
+
+def _filled(path: str, values: dict[str, Any]) -> str:
+    """A path of dvc.yaml with parameters filled in; where DVC alone knows what comes (${item}), the folder it is in."""
+
+    def value(match: re.Match[str]) -> str:
+        found: Any = values
+        for name in match[1].strip().split("."):
+            found = found.get(name) if isinstance(found, dict) else None
+        return match[0] if found is None else str(found)
+
+    known, unknown, _ = re.sub(r"\$\{([^}]*)\}", value, path).partition("${")
+    return os.path.dirname(known) if unknown else known
+
+
+def _overlap(one: Path, other: Path) -> bool:
+    """Whether one path is the other or lies in it, as they are written or with links followed."""
+    ones, others = ({Path(view(path)) for view in (os.path.abspath, os.path.realpath)} for path in (one, other))
+    return any(_within(a, b) or _within(b, a) for a in ones for b in others)
+
+
+def _within(inner: Path, outer: Path) -> bool:
+    return any(_same(path, outer) for path in (inner, *inner.parents))
+
+
+def _same(one: Path, other: Path) -> bool:
+    """Whether two paths are one place: a file system may not tell cases apart, and may be mounted twice."""
+    return one == other or (os.path.exists(one) and os.path.exists(other) and os.path.samefile(one, other))
+
+
 def read_yaml(path: Path) -> Any:
     """A YAML file's content; ParameterError names the file and line where it is not YAML."""
     try:
-        return yaml.safe_load(path.read_text())
+        return yaml.safe_load(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise ParameterError(f"{path}: no such file") from None
+    except UnicodeDecodeError as error:
+        raise ParameterError(f"{path}: not UTF-8: {error}") from None
     except yaml.YAMLError as error:
         raise ParameterError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
 
@@ -407,6 +486,7 @@ def load(stage: str, network: str | None = None, root: Path = Path()) -> Declare
     `compute` comes along undeclared, since it cannot change a result.
     """
     params = validate(read_yaml(root / "params.yaml"))
+    check_folders(params, root)
     declared = read_yaml(root / "dvc.yaml")["stages"][stage].get("params", [])
     values: dict[str, Any] = {}
     for key in declared:

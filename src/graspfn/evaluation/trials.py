@@ -18,6 +18,9 @@ from graspfn.planning.centroid import centroid_grasp
 from graspfn.planning.methods import best_grasp, robust_best_grasp
 from graspfn.workflow.seeds import generator
 
+NO_GRASP = "no grasp"  # outcome of a trial without a pose to try: a failure
+NOWHERE = np.full(3, np.nan)
+
 
 @dataclass(frozen=True)
 class Sigma:
@@ -43,11 +46,11 @@ class Sigma:
 
 @dataclass(frozen=True)
 class Planned:
-    """A commanded pose (3,) and what planned it; network is "" for Centroid."""
+    """A commanded pose (3,), None where the method found no grasp, and what planned it; network is "" for Centroid."""
 
     method: str
     network: str
-    q: np.ndarray
+    q: np.ndarray | None
 
 
 def plan_all(
@@ -104,11 +107,18 @@ def trials_of_object(
     intrinsics: Intrinsics,
     seed: int,
 ) -> list[dict[str, Any]]:
-    """One trial per method and uncertainty. The methods of a cell share the gripper's error, and so are paired."""
+    """One trial per method and uncertainty. The methods of a cell share the gripper's error, and so are paired.
+
+    A method that finds no grasp fails: outcome NO_GRASP, and NaN for the poses.
+    """
     rows = []
     for sigma, planned in plan_all(depth, functions, sigmas, plan, intrinsics, seed, name):
-        reached = sigma.reached(planned.q, generator(seed, "evaluate", name, sigma.uv_mm, sigma.theta_deg))
-        result = bench.grasp(reached, shift_uv, theta)
+        commanded, reached, held, outcome = NOWHERE, NOWHERE, False, NO_GRASP
+        if planned.q is not None:
+            commanded = planned.q
+            reached = sigma.reached(planned.q, generator(seed, "evaluate", name, sigma.uv_mm, sigma.theta_deg))
+            result = bench.grasp(reached, shift_uv, theta)
+            held, outcome = result.held, result.outcome.value
         rows.append(
             {
                 "id": name,
@@ -116,10 +126,10 @@ def trials_of_object(
                 "network": planned.network,
                 "sigma_uv_mm": sigma.uv_mm,
                 "sigma_theta_deg": sigma.theta_deg,
-                **dict(zip(("u_m", "v_m", "theta_rad"), planned.q.tolist(), strict=True)),
+                **dict(zip(("u_m", "v_m", "theta_rad"), commanded.tolist(), strict=True)),
                 **dict(zip(("reached_u_m", "reached_v_m", "reached_theta_rad"), reached.tolist(), strict=True)),
-                "success": result.held,
-                "outcome": result.outcome.value,
+                "success": held,
+                "outcome": outcome,
             }
         )
     return rows

@@ -6,6 +6,7 @@ import numpy as np
 
 from graspfn.geometry.camera import Intrinsics
 from graspfn.geometry.grid import CELL_PX, SHAPE
+from graspfn.imaging.holes import check_filled
 
 INPUT_SHAPE = (4 * SHAPE[0], 4 * SHAPE[1])  # (132, 176)
 CROP_SHAPE = (CELL_PX * SHAPE[0], CELL_PX * SHAPE[1])  # (462, 616): the pixels that Q covers
@@ -43,12 +44,11 @@ def area_average(crop: np.ndarray) -> np.ndarray:
 
 
 def network_input(depth: np.ndarray, intrinsics: Intrinsics) -> np.ndarray:
-    """depth: (..., 480, 640), metres, without holes -> (..., 132, 176) float32, height above the table in 0.1 m."""
+    """depth: (..., 480, 640), metres, without holes -> (..., 132, 176) float32, height above the table in 0.1 m.
+
+    DepthError says what else a depth image is.
+    """
     rows, columns = crop_slices(intrinsics)
-    if depth.shape[-2:] != (intrinsics.height, intrinsics.width):
-        raise ValueError(
-            f"depth image: is {depth.shape[-1]}x{depth.shape[-2]} pixels; the camera's are "
-            f"{intrinsics.width}x{intrinsics.height}"
-        )
+    check_filled(depth, intrinsics)
     heights = (np.float32(intrinsics.table_depth) - depth[..., rows, columns].astype(np.float32)) / np.float32(UNIT_M)
     return area_average(heights).astype(np.float32)

@@ -13,7 +13,7 @@ import trimesh
 
 from graspfn.geometry.camera import Intrinsics
 from graspfn.geometry.transforms import apply
-from graspfn.imaging.render import NEAR_M
+from graspfn.imaging.holes import NEAR_M
 
 VERTEX_SHADER = """
 #version 330

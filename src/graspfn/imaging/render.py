@@ -9,8 +9,7 @@ import trimesh
 
 from graspfn.geometry.camera import Intrinsics
 from graspfn.geometry.transforms import apply
-
-NEAR_M = 0.01  # nothing nearer to the camera is seen
+from graspfn.imaging.holes import NEAR_M
 
 
 def _window(points_depth: np.ndarray, pixels: np.ndarray, intrinsics: Intrinsics) -> tuple[slice, slice]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import torch
 
@@ -9,6 +11,7 @@ from graspfn.geometry.grid import SHAPE
 from graspfn.learning.dataset import CLASSES
 from graspfn.learning.device import torch_threads
 from graspfn.learning.networks import GraspNetwork
+from graspfn.workflow.cores import cores
 
 BATCH = 16
 
@@ -17,15 +20,18 @@ def predict(network: GraspNetwork, inputs: np.ndarray, device: torch.device | No
     """inputs: (M, 132, 176) float32 of `imaging.network_input` -> scores (M, 33, 44, 6) float32 in [0, 1].
 
     A pose's score is its expectation under the predicted probabilities of 0, 0.2, ..., 1: the mean success rate that
-    smoothing then averages, where the single likeliest class would jump.
+    smoothing then averages, where the single likeliest class would jump. Bits do not depend on the number of cores.
     """
     device = device or torch.device("cpu")
     network = network.to(device).eval()
     values = torch.linspace(0, 1, CLASSES, device=device)
-    scores = np.empty((len(inputs), *SHAPE), dtype=np.float32)
-    with torch.inference_mode(), torch_threads(1):
-        for start in range(0, len(inputs), BATCH):
-            batch = torch.from_numpy(np.ascontiguousarray(inputs[start : start + BATCH], dtype=np.float32))
+
+    def scores(start: int) -> np.ndarray:
+        batch = torch.from_numpy(np.ascontiguousarray(inputs[start : start + BATCH], dtype=np.float32))
+        with torch.inference_mode():
             logits = network(batch[:, None].to(device))
-            scores[start : start + BATCH] = (logits.softmax(dim=-1) @ values).cpu().numpy()
-    return scores
+            return (logits.softmax(dim=-1) @ values).cpu().numpy()
+
+    # Whole batches side by side, a thread each: threads that share a sum would show in its last bits.
+    with torch_threads(1), ThreadPoolExecutor(cores() if device.type == "cpu" else 1) as threads:
+        return np.concatenate([np.empty((0, *SHAPE), np.float32), *threads.map(scores, range(0, len(inputs), BATCH))])

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import torch
-from torch import nn
+from torch import multiprocessing, nn
 from torch.nn import functional
 from torch.utils.data import DataLoader, Dataset
 from tqdm import tqdm
@@ -134,6 +134,24 @@ def fit(model: nn.Module, loss: Loss, dataset: Dataset, descent: Descent, resour
     )
 
 
+def _arrays(samples: list[tuple[torch.Tensor, torch.Tensor]]) -> tuple[np.ndarray, ...]:
+    """A batch; arrays come from a loader through a pipe, tensors through /dev/shm, in which containers have little."""
+    return tuple(np.stack([np.asarray(part) for part in parts]) for parts in zip(*samples, strict=True))
+
+
+def _load(
+    dataset: Dataset, places: Callable[[], Iterator[list[int]]], loaders: int
+) -> Iterator[tuple[np.ndarray, ...]]:
+    """Batches of (inputs, targets), one after the other, made by `loaders` processes where these can be started."""
+    try:
+        # More semaphores than they need, which lie in /dev/shm: a loader that finds none later says so at length.
+        _ = [multiprocessing.Queue() for _ in range(4 * loaders)]
+        return iter(DataLoader(dataset, batch_sampler=places(), num_workers=loaders, collate_fn=_arrays))
+    except OSError as error:
+        print(f"compute.loaders: none could be started ({error.strerror}); samples are made by the trainer itself")
+        return iter(DataLoader(dataset, batch_sampler=places(), collate_fn=_arrays))
+
+
 def _descend(
     model: nn.Module,
     loss: Loss,
@@ -147,12 +165,7 @@ def _descend(
     """The steps that `losses` does not have yet, appending to it."""
     samples, start = len(dataset), len(losses)  # type: ignore[arg-type]
     steps = descent.steps(samples)
-    loader = DataLoader(
-        dataset,
-        batch_sampler=batches(samples, descent, start, steps),
-        num_workers=resources.loaders,
-        pin_memory=resources.device.type == "cuda",
-    )
+    loader = _load(dataset, lambda: batches(samples, descent, start, steps), resources.loaders)
     bar = tqdm(total=steps, initial=start, desc=descent.stage, unit="step", disable=not resources.progress)
     saved = time.monotonic()
     model.train()
@@ -161,8 +174,8 @@ def _descend(
         for group in optimizer.param_groups:
             group["lr"] = descent.rate(step, steps)
         optimizer.zero_grad()
-        images = inputs.to(resources.device, memory_format=torch.channels_last)
-        value = loss(model(images), targets.to(resources.device))
+        images = torch.from_numpy(inputs).to(resources.device, memory_format=torch.channels_last)
+        value = loss(model(images), torch.from_numpy(targets).to(resources.device))
         value.backward()
         optimizer.step()
         losses.append(value.item())

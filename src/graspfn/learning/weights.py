@@ -28,26 +28,40 @@ def save_network(folder: Path, network: GraspNetwork, params: Network, **notes: 
 
 
 def read_config(folder: Path) -> dict[str, Any]:
-    """config.json of a network's folder."""
+    """config.json of a network's folder: an object with the key "network"."""
     path = folder / "config.json"
     try:
-        return json.loads(path.read_text())
+        config = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise WeightsError(f"{path}: no such file; {folder} takes a trained network") from None
-    except json.JSONDecodeError as error:
+    except OSError as error:
+        raise WeightsError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except (ValueError, RecursionError) as error:  # bytes that are no text, text that is no JSON
         raise WeightsError(f"{path}: not JSON: {error}") from None
+    if not isinstance(config, dict) or "network" not in config:
+        raise WeightsError(f"{path}: takes an object with the key 'network', the parameters of the architecture")
+    return config
 
 
 def load_network(folder: Path) -> GraspNetwork:
-    """The network saved in a folder, on the CPU, ready to predict."""
-    params = build(Network, read_config(folder).get("network"), f"{folder}/config.json: network")
-    network = build_network(params)
+    """The network saved in a folder, on the CPU, ready to predict.
+
+    WeightsError or ParameterError, in one line that names the file, where the folder holds anything else.
+    """
+    params = build(Network, read_config(folder)["network"], f"{folder}/config.json: network")
     path = folder / "weights.safetensors"
     try:
-        network.load_state_dict(load_file(path))
+        state = load_file(path)
+        network = build_network(params)
+        network.load_state_dict(state)
     except FileNotFoundError:
         raise WeightsError(f"{path}: no such file; it takes the weights beside config.json") from None
-    except (SafetensorError, RuntimeError) as error:
+    except OSError as error:
+        raise WeightsError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except (SafetensorError, RuntimeError, TypeError) as error:  # TypeError: a width that 64 bits do not hold
         reason = " ".join(str(error).split())[:200]
         raise WeightsError(f"{path}: not the weights of the network in config.json: {reason}") from None
+    for name, tensor in state.items():
+        if not tensor.isfinite().all():
+            raise WeightsError(f"{path}: {name} holds NaN or infinity")
     return network.eval()

@@ -12,6 +12,7 @@ import numpy as np
 from scipy import ndimage
 
 from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.holes import check_filled
 
 # Over the table. After a 3x3 median the paper's 1.5 mm depth noise is about 0.6 mm: eight sigmas.
 HEIGHT_M = 0.005
@@ -23,6 +24,7 @@ PATCH_M = 0.002
 
 def object_mask(depth: np.ndarray, intrinsics: Intrinsics) -> np.ndarray:
     """(480, 640) bool: pixels that stand out of the table; depth: (480, 640), metres, without holes."""
+    check_filled(depth, intrinsics)
     raised = intrinsics.table_depth - ndimage.median_filter(depth, size=3) > HEIGHT_M
     pieces, _ = ndimage.label(raised, structure=np.ones((3, 3)))
     areas = np.bincount(pieces.ravel())
@@ -42,14 +44,14 @@ def seen_patches(depth: np.ndarray, mask: np.ndarray, intrinsics: Intrinsics) ->
     return (np.argwhere(occupied) + low + 0.5) * PATCH_M
 
 
-def centroid_grasp(depth: np.ndarray, intrinsics: Intrinsics) -> np.ndarray:
-    """Pose (3,) (u [m], v [m], theta [rad]); depth: (480, 640), metres, without holes.
+def centroid_grasp(depth: np.ndarray, intrinsics: Intrinsics) -> np.ndarray | None:
+    """Pose (3,) (u [m], v [m], theta [rad]), None where nothing stands out of the table; depth: (480, 640), metres.
 
-    Where nothing stands out of the table, the image centre with theta 0: a robot has to be sent somewhere.
+    Raises DepthError for an image with holes, of another size or in another unit.
     """
     mask = object_mask(depth, intrinsics)
     if not mask.any():
-        return np.zeros(3)
+        return None
     patches = seen_patches(depth, mask, intrinsics)
     centre = patches.mean(axis=0)
     _, directions = np.linalg.eigh((patches - centre).T @ (patches - centre))

@@ -22,6 +22,26 @@ from graspfn.geometry import grid
 UNIFORM_SIGMA = 10.0
 
 
+class PlanningError(ValueError):
+    """A grasp function or an uncertainty that no pose can be planned with: one line that says why."""
+
+
+def check_function(f: np.ndarray) -> None:
+    """PlanningError unless f is a grasp function: (33, 44, 6) finite numbers."""
+    if f.shape != grid.SHAPE or f.dtype.kind not in "fiub":
+        raise PlanningError(f"grasp function: is {f.dtype} of shape {f.shape}; it takes numbers of shape {grid.SHAPE}")
+    bad = int(f.size - np.isfinite(f).sum())
+    if bad:
+        raise PlanningError(f"grasp function: {bad} of its {f.size} scores are NaN or infinite")
+
+
+def check_sigma(sigma_uv_m: float, sigma_theta_rad: float) -> None:
+    """PlanningError unless both are standard deviations."""
+    for name, value, unit in (("sigma_uv", sigma_uv_m, "m"), ("sigma_theta", sigma_theta_rad, "rad")):
+        if not 0 <= value < np.inf:
+            raise PlanningError(f"{name}: is {value:g} {unit}; it takes a finite number of at least 0")
+
+
 def _mean_excess(distance: np.ndarray, sigma: float) -> np.ndarray:
     """E[max(0, distance + sigma Z)] (...), Z standard normal; max(0, distance) where sigma is 0."""
     if sigma == 0:
@@ -57,8 +77,12 @@ def wrapped_weights(at: np.ndarray, vertices: int, sigma: float) -> np.ndarray:
 def robust_function_at(
     f: np.ndarray, sigma_uv_m: float, sigma_theta_rad: float, v: np.ndarray, u: np.ndarray, theta: np.ndarray
 ) -> np.ndarray:
-    """E[f(q_hat)] (len(v), len(u), len(theta)) float64 on the product of v, u [m] and theta [rad]; f: (33, 44, 6)."""
-    assert f.shape == grid.SHAPE
+    """E[f(q_hat)] (len(v), len(u), len(theta)) float64 on the product of v, u [m] and theta [rad]; f: (33, 44, 6).
+
+    Raises PlanningError for another f and for a sigma that is negative, NaN or infinite.
+    """
+    check_function(f)
+    check_sigma(sigma_uv_m, sigma_theta_rad)
     n_v, n_u, n_theta = grid.SHAPE
     sigma_cells = sigma_uv_m / grid.CELL_M
     along_v = axis_weights(np.asarray(v) / grid.CELL_M + (n_v - 1) / 2, n_v, sigma_cells)

@@ -46,7 +46,9 @@ def slice_for_summary(f: np.ndarray, sigma_mm: float) -> tuple[np.ndarray, np.nd
     return (at - (n_u - 1) / 2) * grid.CELL_M * 1000, fine[row], smooth[row]
 
 
-def _robust(inputs: ReportInputs, example: PredictedExample, network: str, sigma: tuple[float, float]) -> np.ndarray:
+def _robust(
+    inputs: ReportInputs, example: PredictedExample, network: str, sigma: tuple[float, float]
+) -> np.ndarray | None:
     """Ties are drawn as the evaluation draws them."""
     rng = generator(inputs.params.seed, "plan", example.id, network)
     return robust_best_grasp(

@@ -49,8 +49,13 @@ def add_function(axes: Axes, f: np.ndarray, every: int = 1, thickest_pt: float =
     )
 
 
-def add_pose(axes: Axes, q: np.ndarray, opening_mm: float, colour: str, width_pt: float = 1.8, **line: Any) -> None:
-    """A gripper pose (3,): a line between the open fingers, closed off by them."""
+def add_pose(
+    axes: Axes, q: np.ndarray | None, opening_mm: float, colour: str, width_pt: float = 1.8, **line: Any
+) -> None:
+    """A gripper pose (3,): a line between the open fingers, closed off by them; None: words that there is none."""
+    if q is None:
+        axes.text(0.5, 0.05, "no grasp", color=colour, ha="center", transform=axes.transAxes)
+        return
     centre, direction = np.asarray(q[:2]) * 1000, np.array([np.cos(q[2]), np.sin(q[2])])
     ends = centre + opening_mm / 2 * np.array([[-1], [1]]) * direction
     across = 10 * np.array([-direction[1], direction[0]])
@@ -96,13 +101,13 @@ def draw_training_example(depth: np.ndarray, noisy: np.ndarray, f: np.ndarray, c
 def draw_predictions(
     depths: Sequence[np.ndarray],
     functions: Mapping[str, Sequence[np.ndarray]],
-    poses: Mapping[str, Sequence[tuple[np.ndarray, np.ndarray]]],
+    poses: Mapping[str, Sequence[tuple[np.ndarray | None, np.ndarray | None]]],
     opening_mm: float,
     camera: Intrinsics,
 ) -> Figure:
     """Rows: test images; columns: networks. Each predicted function with its Best and Robust Best pose (3,).
 
-    functions[network][row]: (33, 44, 6); poses[network][row]: (best, robust).
+    functions[network][row]: (33, 44, 6); poses[network][row]: (best, robust), None where there is no grasp.
     """
     networks = list(functions)
     figure = new_figure(1.75 * (len(networks) + 1) + 0.2, 1.72 * len(depths) + 0.4)
@@ -131,7 +136,7 @@ def draw_predictions(
 @styled
 def draw_growing_uncertainty(
     depths: Sequence[np.ndarray],
-    poses: Sequence[Sequence[np.ndarray]],
+    poses: Sequence[Sequence[np.ndarray | None]],
     sigmas: Sequence[tuple[float, float]],
     opening_mm: float,
     camera: Intrinsics,

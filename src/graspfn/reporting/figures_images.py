@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.holes import holes
 from graspfn.reporting.figures_functions import add_pose
 from graspfn.reporting.style import (
     BEST,
@@ -79,11 +80,11 @@ def draw_noise(depth: np.ndarray, noisy: np.ndarray, camera: Intrinsics) -> Figu
 
 @styled
 def draw_inpainting(raw: np.ndarray, filled: np.ndarray, camera: Intrinsics, simulated: bool) -> Figure:
-    """A recorded depth image (480, 640), metres, as it came (0 or NaN: no depth) and after hole filling."""
+    """A recorded depth image (480, 640), metres, as it came and after hole filling."""
     figure = new_figure(WIDE_IN * 0.85, 2.55)
     robot = "Simulated robot" if simulated else "Robot"
-    holes = 100 * float(np.mean(~np.isfinite(raw) | (raw <= 0)))
-    titles = (f"{robot}: {holes:.1f}% without depth (blue)", "holes filled")
+    share = 100 * float(np.mean(holes(raw, None)))
+    titles = (f"{robot}: {share:.1f}% without depth (blue)", "holes filled")
     for axes, image, title in zip(figure.subplots(1, 2), (raw, filled), titles, strict=True):
         show_depth(axes, image, camera)
         scale_bar(axes)
@@ -104,7 +105,7 @@ def draw_example_grasps(
         show_depth(axes, grasp.depth, camera, square(grasp.commanded[:2] * 1000, 100, camera))
         add_pose(axes, grasp.reached, opening_mm, BEST, 1.2, linestyle=(0, (4, 1.5)))
         add_pose(axes, grasp.commanded, opening_mm, ROBUST, 1.6)
-        axes.set_title(short(grasp.name), fontsize=8)
+        axes.set_title(short(grasp.name), fontsize=8, parse_math=False)
     scale_bar(places[0])
     for axes in places[len(grasps) :]:
         axes.set_visible(False)

@@ -36,7 +36,7 @@ def draw_films(films: Sequence[Film]) -> Figure:
     rows = -(-len(films) // 2)
     figure = new_figure(WIDE_IN, 1.45 * rows)
     for strip, film in zip(figure.subfigures(rows, 2, squeeze=False).flat, films, strict=False):
-        strip.suptitle(f"{film.id}: {film.outcome}", fontsize=7)
+        strip.suptitle(f"{film.id}: {film.outcome}", fontsize=7, parse_math=False)
         for axes, (_, image) in zip(strip.subplots(1, len(film.shots)), film_scenes(film), strict=True):
             axes.imshow(image, interpolation="antialiased")
             bare(axes)

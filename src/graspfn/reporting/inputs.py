@@ -175,8 +175,10 @@ def _recorded(data: Path, trials: pd.DataFrame, params: Any) -> Recorded:
     grasps = []
     for line in chosen.to_dict("records"):
         trial = read_trial(data / "recordings" / line["file"], params.topics)
-        grasps.append(ExecutedGrasp(line["object"], fill_holes(trial.depth), trial.commanded, trial.achieved))
-    return Recorded(camera, first.depth, fill_holes(first.depth), tuple(grasps))
+        assert trial.commanded is not None and trial.achieved is not None  # a success
+        filled = fill_holes(trial.depth, None)  # a recording does not say how high its camera was
+        grasps.append(ExecutedGrasp(line["object"], filled, trial.commanded, trial.achieved))
+    return Recorded(camera, first.depth, fill_holes(first.depth, None), tuple(grasps))
 
 
 def _histories(folder: Path, networks: tuple[str, ...]) -> dict[str, pd.DataFrame]:

@@ -24,11 +24,18 @@ def cell_name(sigma_uv_mm: float, sigma_theta_deg: float) -> str:
     return f"uv{sigma_uv_mm:g}_theta{sigma_theta_deg:g}".replace(".", "_")
 
 
-def robust_gain(trials: pd.DataFrame, network: str, objects: str, pair_by: list[str]) -> Difference:
-    """Robust Best Grasp less Best Grasp of one network, on the same trials; `pair_by`: what makes them so."""
+def robust_gain(trials: pd.DataFrame, network: str, objects: str, pair_by: list[str]) -> Difference | None:
+    """Robust Best Grasp less Best Grasp of one network, on the same trials; `pair_by`: what makes them so.
+
+    None where they have no trial in common.
+    """
     own = trials[trials["network"] == network].set_index("method")
+    if not {BASE, ROBUST} <= set(own.index):
+        return None
     robust, best = (own.loc[[name]].set_index(pair_by)["success"].sort_index() for name in (ROBUST, BASE))
     both = robust.index.intersection(best.index)
+    if both.empty:
+        return None
     clusters = both.get_level_values(objects).to_numpy()
     return paired_difference(robust.loc[both].to_numpy(), best.loc[both].to_numpy(), clusters)
 
@@ -61,8 +68,8 @@ def _table(trials: pd.DataFrame, objects: str, pair_by: list[str], cells: list[t
                 if len(here):
                     numbers[f"success_{cell_name(uv, theta)}"] = float(here["success"].mean())
             entry[slug(str(method))] = numbers
-        if {BASE, ROBUST} <= set(own["method"]):
-            entry["robust_minus_best"] = _difference(robust_gain(trials, network, objects, pair_by))
+        if gain := robust_gain(trials, network, objects, pair_by):
+            entry["robust_minus_best"] = _difference(gain)
         result |= {network: entry} if network else entry
     return result
 

@@ -78,6 +78,7 @@ def headlines(inputs: ReportInputs, table1: pd.DataFrame) -> list[tuple[str, str
     robust = trials[(trials["method"] == "Robust Best Grasp") & (trials["network"] == network)]
     p = proportion(robust["success"].to_numpy(), robust["id"].to_numpy())
     d = robust_gain(trials, network, "id", TABLE_1_PAIR)
+    assert d is not None  # the simulation tries every method on every object
     robot_robust = robot[(robot["method"] == "Robust Best Grasp") & (robot["network"] == network)]
     number, interval = gain(d).split(" ", 1)
     found = [
@@ -101,8 +102,7 @@ def gains(inputs: ReportInputs) -> list[tuple[str, str, str, int]]:
         ("Table 2", inputs.robot_trials, "object", TABLE_2_PAIR),
     ):
         for network in networks_of(trials):
-            if {"Best Grasp", "Robust Best Grasp"} <= set(trials.loc[trials["network"] == network, "method"]):
-                d = robust_gain(trials, network, objects, pair_by)
+            if d := robust_gain(trials, network, objects, pair_by):
                 rows.append((name, network, gain(d), d.pairs))
     return rows
 

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from graspfn.geometry.camera import Intrinsics
+from graspfn.imaging.holes import holes
 
 P = ParamSpec("P")
 
@@ -135,7 +136,7 @@ def show_depth(axes: Axes, depth: np.ndarray, camera: Intrinsics, window_mm: tup
     # The square root gives low objects and the noise of the table their share of the greys.
     grey = np.clip(0.95 - 0.62 * np.sign(height) * np.sqrt(np.abs(height) / DARKEST_M), 0.33, 1.0)
     rgb = np.repeat(grey[..., None], 3, axis=-1)
-    rgb[~np.isfinite(depth) | (depth <= 0)] = (0.10, 0.20, 0.50)
+    rgb[holes(depth, None)] = (0.10, 0.20, 0.50)
     edges = np.array([[-0.5, -0.5], [camera.width - 0.5, camera.height - 0.5]])
     (u0, v0), (u1, v1) = camera.pixel_to_table(edges) * 1000
     axes.imshow(rgb, extent=(u0, u1, v1, v0), interpolation="nearest", aspect="equal")

@@ -24,11 +24,12 @@ TRIAL = ["object", "placement", "method", "network", *CONDITION]
 
 
 def trial_row(path: Path, topics: Topics) -> dict[str, object]:
-    """One row of the trials' table from one recording."""
+    """One row of the trials' table from one recording; its poses are NaN where the method found no grasp."""
     trial = read_trial(path, topics)
     c = trial.condition
-    u, v, theta = (float(value) for value in trial.commanded)
-    reached_u, reached_v, reached_theta = (float(value) for value in trial.achieved)
+    nowhere = np.full(3, np.nan)
+    u, v, theta = (nowhere if trial.commanded is None else trial.commanded).tolist()
+    reached_u, reached_v, reached_theta = (nowhere if trial.achieved is None else trial.achieved).tolist()
     return {
         "file": path.name,
         "object": c.object,
@@ -59,8 +60,9 @@ def independent_errors(trials: pd.DataFrame) -> np.ndarray:
     """`pose_errors` with one row per draw.
 
     Methods may be compared under the same errors on the same placement of an object; such an error is one
-    observation of the arm, however many trials it served.
+    observation of the arm, however many trials it served. A trial without a grasp to try is none.
     """
+    trials = trials[trials["u_m"].notna()]
     keyed = trials[["object", "placement"]].copy()
     errors = pose_errors(trials)
     keyed[["u", "v", "theta"]] = errors.round(9)  # a nanometre: what adding to different commands rounds off
@@ -84,9 +86,11 @@ def uncertainty(errors: np.ndarray) -> dict[str, float]:
 
     theta's mean is taken on the circle of half turns and its spread about that mean, so an error that wraps counts
     as the small one it is. Errors beyond 90 degrees cannot be told from smaller ones: an estimate above some 30
-    degrees is too low.
+    degrees is too low. Without any errors all is NaN.
     """
     n = len(errors)
+    if not n:
+        errors = np.full((1, 3), np.nan)
     uv_mm = errors[:, :2] * 1000
     bias_uv = uv_mm.mean(axis=0)
     bias_theta = np.angle(np.exp(2j * errors[:, 2]).mean()) / 2

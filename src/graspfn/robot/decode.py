@@ -6,17 +6,25 @@ from typing import Any
 
 import numpy as np
 
+from graspfn.imaging.holes import holes
+from graspfn.robot.messages import MOST_MM
 from graspfn.robot.trial import FRAME, RecordingError
 
 PIXELS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}  # mono16: how some drivers name 16UC1
+REACH_M = 5.0  # farther from the image centre no arm over the table reaches: another unit
 
 
 def depth(image: Any) -> np.ndarray:
-    """(height, width) float32, metres, NaN where nothing was measured, of a sensor_msgs/Image."""
+    """(height, width) float32, metres, NaN where nothing was measured, of a sensor_msgs/Image.
+
+    Raises RecordingError where it is no depth image, or one without a single measurement.
+    """
     if image.encoding not in PIXELS:
         raise RecordingError(f"depth encoding {image.encoding!r}; it takes 16UC1 (mm) or 32FC1 (m)")
     dtype = np.dtype((">" if image.is_bigendian else "<") + PIXELS[image.encoding])
     height, width, step = image.height, image.width, image.step
+    if not height or not width:
+        raise RecordingError(f"depth image of {height} rows of {width} pixels; it takes at least one pixel")
     if step < width * dtype.itemsize or len(image.data) < height * step:
         raise RecordingError(
             f"depth image of {height} rows of {width} {image.encoding} pixels in {step} bytes each "
@@ -27,9 +35,29 @@ def depth(image: Any) -> np.ndarray:
     raw = np.ascontiguousarray(rows[:, : width * dtype.itemsize]).view(dtype)
     metres = raw.astype(np.float32)
     if dtype.kind == "u":
-        metres /= 1000
-    # Both conventions of invalid: 0 and NaN; some drivers write infinity beyond their range.
-    return np.where(np.isfinite(metres) & (metres > 0), metres, np.float32(np.nan))
+        metres = np.where(raw > MOST_MM, np.float32(np.nan), metres / 1000)
+    # Every convention of invalid: 0 and NaN, a negative number, infinity beyond the range.
+    nothing = holes(metres, None)
+    if nothing.all():
+        raise RecordingError("depth image without a single measurement: every pixel is zero or invalid")
+    return np.where(nothing, np.float32(np.nan), metres)
+
+
+def camera_matrix(info: Any, shape: tuple[int, int]) -> np.ndarray:
+    """K: (3, 3) float64 of the depth image of a sensor_msgs/CameraInfo; shape: that image's (height, width).
+
+    ROS gives K for the whole sensor: a region of interest moves it, binning divides it.
+    """
+    K = np.array(info.k, dtype=float).reshape(3, 3)
+    if not (np.isfinite(K).all() and K[0, 0] > 0 and K[1, 1] > 0):
+        raise RecordingError(f"camera whose K is {K.ravel().tolist()}; it takes focal lengths above 0, in pixels")
+    roi, bins = info.roi, np.array([max(1, info.binning_x), max(1, info.binning_y)])
+    width, height = np.array([roi.width or info.width, roi.height or info.height]) // bins
+    if (height, width) != shape:
+        raise RecordingError(f"camera of {width}x{height} pixels; the depth image has {shape[1]}x{shape[0]}")
+    K[:2, 2] -= roi.x_offset, roi.y_offset
+    K[:2] /= bins[:, None]
+    return K
 
 
 def pose(stamped: Any) -> np.ndarray:
@@ -53,6 +81,8 @@ def pose(stamped: Any) -> np.ndarray:
     result = np.array([position.x, -position.y, np.arctan2(closing_v, closing_u) % np.pi])
     if not np.all(np.isfinite(result)):
         raise RecordingError("pose whose position is not finite")
+    if np.hypot(*result[:2]) > REACH_M:
+        raise RecordingError(f"pose {np.hypot(*result[:2]):g} m from the image centre; it takes metres, on the table")
     return result
 
 

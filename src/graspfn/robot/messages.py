@@ -9,6 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from graspfn.imaging.holes import holes
+
+MOST_MM = 65534  # that 16UC1 holds: 65535 is a code for no measurement, as 0 is
+
 _SEPARATOR = "=" * 80
 
 _HEADER = "builtin_interfaces/Time stamp\nstring frame_id\n"
@@ -62,9 +66,12 @@ def header(time_ns: int, frame: str) -> dict[str, Any]:
 
 
 def depth_image(depth: np.ndarray, encoding: str, stamp: dict[str, Any]) -> dict[str, Any]:
-    """sensor_msgs/Image of depth (height, width), metres, NaN where nothing was measured."""
+    """sensor_msgs/Image of depth (height, width), metres, NaN where nothing was measured.
+
+    encoding: 32FC1, metres; 16UC1, millimetres, 0 where nothing was measured or more than 16 bits hold.
+    """
     height, width = depth.shape
-    millimetres = np.rint(np.nan_to_num(depth, nan=0.0) * 1000)
+    millimetres = np.rint(np.where(holes(depth, None) | (depth > MOST_MM / 1000), 0, depth) * 1000)
     pixels = millimetres.astype("<u2") if encoding == "16UC1" else depth.astype("<f4")
     return {
         "header": stamp,

@@ -4,12 +4,15 @@ A recording holds one trial: exactly one message on the topics of the commanded 
 outcome; at least one depth image before the command (the last of them is the one planned on) and its CameraInfo;
 joint states are read where there are any. Poses are in the frame `table` (`trial.FRAME`); their x axis is the
 direction in which the jaws close, so a gripper frame whose z points down does as well. The metadata record
-`graspfn.trial` (`trial.METADATA_KEYS`) says what was tried.
+`graspfn.trial` (`trial.METADATA_KEYS`) says what was tried. Where the method found no grasp, it says so
+(`trial.PLANNED`), and the recording has neither pose: its image is the last one before the outcome.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -21,7 +24,15 @@ from mcap_ros2.decoder import DecoderFactory
 
 from graspfn.params import Topics
 from graspfn.robot import decode
-from graspfn.robot.trial import METADATA, METADATA_KEYS, Condition, RecordingError, TrialRecording
+from graspfn.robot.trial import (
+    METADATA,
+    METADATA_KEYS,
+    PLANNED,
+    Condition,
+    RecordingError,
+    TrialRecording,
+    was_planned,
+)
 
 
 @dataclass(frozen=True)
@@ -67,9 +78,9 @@ def _decoded(item: tuple[Schema | None, Channel, Message], factory: DecoderFacto
     return Stamped(message.log_time, decoder(message.data))
 
 
-def messages_of_trial(reader: SeekingReader, topics: Topics) -> dict[str, list[Stamped]]:
+def messages_of_trial(reader: SeekingReader, topics: Topics, planned: bool = True) -> dict[str, list[Stamped]]:
     """The messages of each topic (keys as in `params.Topics`) in order of time; of camera topics only the last before
-    the command, so that a recorded video does not fill the memory."""
+    the command, so that a recorded video does not fill the memory. planned: whether there was a grasp to command."""
     kinds = {
         "depth": "sensor_msgs/msg/Image",
         "camera_info": "sensor_msgs/msg/CameraInfo",
@@ -78,44 +89,70 @@ def messages_of_trial(reader: SeekingReader, topics: Topics) -> dict[str, list[S
         "joints": "sensor_msgs/msg/JointState",
         "outcome": "std_msgs/msg/Bool",
     }
+    last = "commanded" if planned else "outcome"
     key_of = {getattr(topics, key): key for key in kinds}
     found: dict[str, list[Any]] = {key: [] for key in kinds}
     for item in reader.iter_messages(topics=list(key_of)):
         key = key_of[item[1].topic]
         if key not in ("depth", "camera_info"):
             found[key].append(item)
-        elif not found["commanded"]:
+        elif not found[last]:
             found[key] = [item]
     for key in ("commanded", "achieved", "outcome"):
-        if len(found[key]) != 1:
-            raise RecordingError(f"{_count(found[key])} on topic {getattr(topics, key)}; a trial has exactly one")
+        if planned or key == "outcome":
+            if len(found[key]) != 1:
+                raise RecordingError(f"{_count(found[key])} on topic {getattr(topics, key)}; a trial has exactly one")
+        elif found[key]:
+            raise RecordingError(f"{_count(found[key])} on topic {getattr(topics, key)}, but metadata {PLANNED}: false")
     for key in ("camera_info", "depth"):
         if not found[key]:
-            raise RecordingError(f"no message on topic {getattr(topics, key)} before the commanded pose")
+            before = "commanded pose" if planned else "outcome"
+            raise RecordingError(f"no message on topic {getattr(topics, key)} before the {before}")
     factory = DecoderFactory()
     return {key: [_decoded(item, factory, kinds[key]) for item in items] for key, items in found.items()}
 
 
 def _count(items: list[Any]) -> str:
-    return f"{len(items)} messages" if items else "no message"
+    return "no message" if not items else "1 message" if len(items) == 1 else f"{len(items)} messages"
+
+
+@contextmanager
+def _naming(topic: str) -> Iterator[None]:
+    """Errors say which topic the message came on."""
+    try:
+        yield
+    except RecordingError as error:
+        raise RecordingError(f"topic {topic}: {error}") from None
+
+
+def _pose(found: list[Stamped], topic: str) -> np.ndarray | None:
+    with _naming(topic):
+        return decode.pose(found[0].message) if found else None
 
 
 def _trial(reader: SeekingReader, topics: Topics) -> TrialRecording:
-    condition = Condition.from_metadata(_metadata(reader))
-    found = messages_of_trial(reader, topics)
-    names, time_s, positions = decode.joints(
-        [(item.time_ns, item.message) for item in found["joints"]], found["commanded"][0].time_ns
-    )
+    metadata = _metadata(reader)
+    condition, planned = Condition.from_metadata(metadata), was_planned(metadata)
+    found = messages_of_trial(reader, topics, planned)
+    start = found["commanded" if planned else "outcome"][0].time_ns
+    names, time_s, positions = decode.joints([(item.time_ns, item.message) for item in found["joints"]], start)
+    with _naming(topics.depth):
+        depth = decode.depth(found["depth"][0].message)
+    with _naming(topics.camera_info):
+        camera_matrix = decode.camera_matrix(found["camera_info"][0].message, depth.shape)
+    success = bool(found["outcome"][0].message.data)
+    if success and not planned:
+        raise RecordingError(f"topic {topics.outcome}: a success, but metadata {PLANNED}: false")
     return TrialRecording(
         condition=condition,
-        depth=decode.depth(found["depth"][0].message),
-        camera_matrix=np.array(found["camera_info"][0].message.k, dtype=float).reshape(3, 3),
-        commanded=decode.pose(found["commanded"][0].message),
-        achieved=decode.pose(found["achieved"][0].message),
+        depth=depth,
+        camera_matrix=camera_matrix,
+        commanded=_pose(found["commanded"], topics.commanded),
+        achieved=_pose(found["achieved"], topics.achieved),
         joint_names=names,
         joint_time_s=time_s,
         joint_positions=positions,
-        success=bool(found["outcome"][0].message.data),
+        success=success,
     )
 
 
@@ -138,5 +175,5 @@ def recordings(folder: Path) -> list[Path]:
     """The .mcap files directly in a folder, by name."""
     found = sorted(folder.glob("*.mcap")) if folder.is_dir() else []
     if not found:
-        raise RecordingError(f"{folder}: no .mcap files")
+        raise RecordingError(f"{folder}: no .mcap files; robot.folder takes a directory of them")
     return found

@@ -15,7 +15,7 @@ from mcap_ros2.writer import Writer
 
 from graspfn.params import Topics
 from graspfn.robot import messages
-from graspfn.robot.trial import FRAME, METADATA, TrialRecording
+from graspfn.robot.trial import FRAME, METADATA, PLANNED, TrialRecording
 from graspfn.workflow.files import atomic
 
 CAMERA_FRAME = "camera_depth_optical_frame"
@@ -35,6 +35,8 @@ def _timeline(
     # The hand is moved kinematically, so it is where it is going at once.
     sent = messages.header(COMMANDED_NS, FRAME)
     for topic, q in ((topics.commanded, trial.commanded), (topics.achieved, trial.achieved)):
+        if q is None:
+            continue
         yield COMMANDED_NS, topic, "geometry_msgs/msg/PoseStamped", messages.pose_stamped(q, sent)
     end = COMMANDED_NS
     for seconds, positions in zip(trial.joint_time_s, trial.joint_positions, strict=True):
@@ -48,7 +50,8 @@ def write_trial(path: Path, trial: TrialRecording, topics: Topics, depth_encodin
     """Write `trial` to `path`, whole or not at all; depth_encoding: 16UC1 (mm, 0 invalid) or 32FC1 (m, NaN invalid)."""
     with atomic(path) as part, part.open("wb") as stream:
         writer = Writer(stream, compression=CompressionType.ZSTD)
-        writer.add_metadata(METADATA, trial.condition.to_metadata())
+        planned = {} if trial.commanded is not None else {PLANNED: "false"}
+        writer.add_metadata(METADATA, trial.condition.to_metadata() | planned)
         schemas = {name: writer.register_msgdef(name, text) for name, text in messages.SCHEMAS.items()}
         for sequence, (time, topic, kind, message) in enumerate(_timeline(trial, topics, depth_encoding)):
             writer.write_message(topic, schemas[kind], message, log_time=time, sequence=sequence)

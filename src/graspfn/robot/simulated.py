@@ -11,6 +11,7 @@ from graspfn.geometry.camera import Intrinsics
 from graspfn.imaging.noise import add_noise
 from graspfn.meshes.placed import Resting
 from graspfn.params import Noise
+from graspfn.physics.attempt import Frame
 from graspfn.physics.world import Rig
 from graspfn.robot.depth_holes import hole_mask
 from graspfn.robot.trial import Condition, TrialRecording
@@ -48,13 +49,21 @@ def record(
     intrinsics: Intrinsics,
     seed: int,
 ) -> list[TrialRecording]:
-    """Execute every plan on the scene. Plans of one uncertainty share the arm's error, so that methods are paired."""
+    """Execute every plan on the scene. Plans of one uncertainty share the arm's error, so that methods are paired.
+
+    Where a method found no grasp the robot stays where it is, and that is recorded as the failure it is.
+    """
     bench = Bench(resting, rig)
     recordings = []
     for sigma, planned in plans:
-        rng = generator(seed, "record_robot", scene.object, scene.placement, sigma.uv_mm, sigma.theta_deg)
-        reached = sigma.reached(planned.q, rng)
-        result = bench.grasp(reached, scene.shift_uv, scene.theta, film=True)
+        reached: np.ndarray | None = None
+        frames: tuple[Frame, ...] = ()
+        held = False
+        if planned.q is not None:
+            rng = generator(seed, "record_robot", scene.object, scene.placement, sigma.uv_mm, sigma.theta_deg)
+            reached = sigma.reached(planned.q, rng)
+            result = bench.grasp(reached, scene.shift_uv, scene.theta, film=True)
+            held, frames = result.held, result.frames
         recordings.append(
             TrialRecording(
                 condition=Condition(
@@ -71,9 +80,9 @@ def record(
                 commanded=planned.q,
                 achieved=reached,
                 joint_names=JOINTS,
-                joint_time_s=np.array([frame.time_s for frame in result.frames]),
-                joint_positions=np.array([(frame.hand_z, *frame.fingers) for frame in result.frames]).reshape(-1, 3),
-                success=result.held,
+                joint_time_s=np.array([frame.time_s for frame in frames]),
+                joint_positions=np.array([(frame.hand_z, *frame.fingers) for frame in frames]).reshape(-1, 3),
+                success=held,
             )
         )
     return recordings

@@ -19,6 +19,7 @@ METADATA_KEYS = {
     "sigma_theta_deg": "std of the reached angle in this condition, degrees",
     "simulated": "true | false",
 }
+PLANNED = "planned"  # a key that a recording may have: "false" where the method found no grasp, and nothing was tried
 FRAME = "table"  # of recorded poses: origin on the table at the image centre, x along image +x, y along -y, z up
 
 
@@ -71,6 +72,14 @@ class Condition:
         )
 
 
+def was_planned(text: dict[str, str]) -> bool:
+    """Whether the trial of a metadata record had a grasp to try: so it was unless it says otherwise."""
+    value = text.get(PLANNED, "true")
+    if value not in ("true", "false"):
+        raise RecordingError(f"metadata {PLANNED}: {value!r} is neither true nor false")
+    return value == "true"
+
+
 def _sigma(text: dict[str, str], key: str) -> float:
     try:
         value = float(text[key])
@@ -87,7 +96,7 @@ class TrialRecording:
 
     depth: (height, width) float32, metres, NaN where nothing was measured: the image that was planned on.
     camera_matrix: (3, 3) of that image.
-    commanded, achieved: (3,) poses (u [m], v [m], theta [rad]).
+    commanded, achieved: (3,) poses (u [m], v [m], theta [rad]); None where the method found no grasp: a failure.
     joint_time_s: (T,) since the command; joint_positions: (T, len(joint_names)), metres or radians.
     success: the object was off the table and in the gripper at the top.
     """
@@ -95,8 +104,8 @@ class TrialRecording:
     condition: Condition
     depth: np.ndarray
     camera_matrix: np.ndarray
-    commanded: np.ndarray
-    achieved: np.ndarray
+    commanded: np.ndarray | None
+    achieved: np.ndarray | None
     joint_names: tuple[str, ...]
     joint_time_s: np.ndarray
     joint_positions: np.ndarray

@@ -1,0 +1,146 @@
+"""Methods that find no grasp: a failed trial in both tables, and a recording that says so."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pandas as pd
+import pytest
+from test_robot_recording import TOPICS, trial
+
+from graspfn.evaluation.trials import NO_GRASP, Sigma, plan_all, trials_of_object
+from graspfn.geometry import grid
+from graspfn.geometry.camera import Intrinsics
+from graspfn.params import Plan
+from graspfn.physics.attempt import Outcome, Result
+from graspfn.planning.smoothing import PlanningError
+from graspfn.reporting import tables
+from graspfn.robot import simulated
+from graspfn.robot.analyse import analyse
+from graspfn.robot.read import read_trial
+from graspfn.robot.record import write_trial
+from graspfn.robot.simulated import Scene, file_name
+from graspfn.robot.trial import METADATA, RecordingError
+from graspfn.workflow.files import write_parquet
+
+CAMERA = Intrinsics(640, 480, 570.0)
+PLAN = Plan(fine_uv=1, fine_theta=1)
+EMPTY = np.full((480, 640), CAMERA.table_depth, np.float32)
+SIGMAS = [Sigma(5.0, 10.0), Sigma(20.0, 10.0)]
+POSES = ["u_m", "v_m", "theta_rad", "reached_u_m", "reached_v_m", "reached_theta_rad"]
+
+
+class SureBench:
+    """Every grasp that is tried holds."""
+
+    def __init__(self, *_):
+        self.tried = 0
+
+    def grasp(self, *_, **__):
+        self.tried += 1
+        return Result(Outcome.HELD)
+
+
+def functions():
+    """One network that knows a grasp, and one that finds none."""
+    good = np.zeros(grid.SHAPE, np.float32)
+    good[16, 20:24, 3] = 0.9
+    return {"good": good, "none": np.zeros(grid.SHAPE, np.float32)}
+
+
+def test_trials_without_a_grasp_fail_and_try_nothing(tmp_path):
+    bench = SureBench()
+    rows = pd.DataFrame(
+        trials_of_object("a", bench, EMPTY, np.zeros(2), 0.0, functions(), SIGMAS, PLAN, CAMERA, seed=0)
+    )
+    assert len(rows) == 2 * 5 and bench.tried == 2 * 2
+    without = rows["network"] != "good"  # over an empty table Centroid finds none either
+    assert (rows.loc[without, "outcome"] == NO_GRASP).all() and not rows.loc[without, "success"].any()
+    assert rows.loc[without, POSES].isna().all(axis=None)
+    assert rows.loc[~without, "success"].all() and rows.loc[~without, POSES].notna().all(axis=None)
+    write_parquet(tmp_path / "trials.parquet", rows)
+    pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "trials.parquet"), rows)
+
+    table = tables.table1(rows)
+    for line in table.to_dict("records"):
+        found = line["network"] == "good"
+        assert (line["success"], line["trials"], line["no_grasp"]) == ((1.0, 1, 0) if found else (0.0, 1, 1))
+    assert "In 6 of the 10 trials the method found no grasp, which is a failure." in tables.caption1(table, "made")
+    assert "no grasp" not in tables.caption1(tables.table1(rows[~without]), "made")
+
+
+def test_a_function_of_nan_is_a_fault_and_not_a_trial():
+    bad = {"broken": np.full(grid.SHAPE, np.nan, np.float32)}
+    with pytest.raises(PlanningError):
+        plan_all(EMPTY, bad, SIGMAS, PLAN, CAMERA, 0, "a")
+
+
+def no_grasp(**changes):
+    joints = {"joint_names": (), "joint_time_s": np.zeros(0), "joint_positions": np.zeros((0, 0))}
+    return dataclasses.replace(trial(), commanded=None, achieved=None, success=False, **joints, **changes)
+
+
+def test_a_recording_without_a_grasp_comes_back(tmp_path):
+    write_trial(tmp_path / "a.mcap", no_grasp(), TOPICS, "32FC1")
+    back = read_trial(tmp_path / "a.mcap", TOPICS)
+    assert back.commanded is None and back.achieved is None and not back.success
+    assert back.condition == no_grasp().condition
+    np.testing.assert_array_equal(back.depth, no_grasp().depth)
+
+
+def test_the_simulated_robot_records_what_it_could_not_try(tmp_path, monkeypatch):
+    monkeypatch.setattr(simulated, "Bench", SureBench)
+    scene = Scene("a", 0, np.zeros(2), 0.0, EMPTY)
+    plans = plan_all(EMPTY, functions(), SIGMAS, PLAN, CAMERA, 0, "a")
+    for made in simulated.record(scene, plans, None, None, CAMERA, 0):
+        write_trial(tmp_path / file_name(made.condition), made, TOPICS, "16UC1")
+    trials, found = analyse(tmp_path.glob("*.mcap"), TOPICS)
+    assert len(trials) == 10
+    assert trials["u_m"].isna().sum() == 6 and trials[POSES].isna().all(axis=1).sum() == 6
+    assert trials.loc[trials["u_m"].isna(), "network"].isin(["", "none"]).all()
+    assert (trials["success"] == trials["u_m"].notna()).all()
+    assert (found["trials"] == 5).all() and (found["draws"] == 1).all()  # two methods, one error
+
+    table = tables.table2(trials)
+    assert table["no_grasp"].tolist() == [int("good" not in method) for method in table["method"]]
+    assert "In 6 of the 10 trials the method found no grasp" in tables.caption2(table, trials, "made")
+
+
+def test_recordings_without_a_grasp_say_nothing_about_the_arm(tmp_path):
+    write_trial(tmp_path / "a.mcap", no_grasp(), TOPICS, "16UC1")
+    trials, found = analyse([tmp_path / "a.mcap"], TOPICS)
+    (line,) = found.to_dict("records")
+    assert (line["trials"], line["draws"]) == (1, 0)
+    assert (line["estimated_uv_mm_low"], line["estimated_uv_mm_high"]) == (0, np.inf)
+    assert all(np.isnan(line[f"{key}"]) for key in ("estimated_uv_mm", "estimated_theta_deg", "bias_u_mm"))
+    assert not trials["success"].any()
+
+
+@pytest.mark.parametrize(
+    ("made", "metadata", "says"),
+    [
+        (trial(), {"planned": "false"}, r"1 message on topic /grasp/commanded, but metadata planned: false"),
+        (no_grasp(), {"planned": "true"}, r"no message on topic /grasp/commanded; a trial has exactly one"),
+        (no_grasp(), {"planned": "no"}, "metadata planned: 'no' is neither true nor false"),
+        (dataclasses.replace(no_grasp(), success=True), {}, "/grasp/held: a success, but metadata planned: false"),
+    ],
+)
+def test_recordings_that_contradict_themselves_are_one_line(tmp_path, monkeypatch, made, metadata, says):
+    from mcap_ros2.writer import Writer
+
+    path, write = tmp_path / "a.mcap", Writer.add_metadata
+    monkeypatch.setattr(Writer, "add_metadata", lambda self, name, data: write(self, name, data | metadata))
+    write_trial(path, made, TOPICS, "16UC1")
+    with pytest.raises(RecordingError, match=says) as caught:
+        read_trial(path, TOPICS)
+    assert str(caught.value).startswith(f"{path}: ") and "\n" not in str(caught.value)
+
+
+def test_metadata_of_a_trial_that_had_a_grasp_are_as_ever(tmp_path):
+    from mcap.reader import make_reader
+
+    write_trial(tmp_path / "a.mcap", trial(), TOPICS, "16UC1")
+    with (tmp_path / "a.mcap").open("rb") as stream:
+        (record,) = make_reader(stream).iter_metadata()
+    assert record.name == METADATA and record.metadata == trial().condition.to_metadata()
