@@ -17,7 +17,7 @@ from graspfn.geometry import grid
 from graspfn.geometry.camera import Intrinsics
 from graspfn.imaging.render import render_depth
 from graspfn.meshes.errors import RejectedMeshError
-from graspfn.meshes.placed import Resting
+from graspfn.meshes.placed import RESTING, Resting
 from graspfn.physics.attempt import Grasper
 from graspfn.physics.culling import touches_nothing
 from graspfn.physics.settling import settle
@@ -155,7 +155,7 @@ def fate(raw, seed):
     rng = np.random.default_rng(seed)
     settled = settle(mesh, PHYSICS, replace(SETTLE, limit_s=0.5), rng)
     T = settled.T_world_object
-    if not np.isfinite(T).all():
+    if settled.status != RESTING and not settled.status.startswith("never"):
         return settled.status
     render_depth(mesh, T, CAMERA)
     resting = Resting(mesh, collision, T)
