@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tqdm import tqdm
 
 from graspfn.geometry import grid
 from graspfn.geometry.camera import Intrinsics
@@ -95,7 +96,8 @@ def _apart(function: Callable[..., Any], path: Path, *arguments: Any) -> Any:
     """What a function makes of a mesh file in a process of its own, lest libraries take this one down with theirs."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([__name__])
-    with ProcessPoolExecutor(1, context) as pool:
+    line = tqdm(desc=f"{path.name}: clean and settle", bar_format="{desc}", leave=False, disable=None)
+    with line, ProcessPoolExecutor(1, context) as pool:
         try:
             return pool.submit(function, path, *arguments).result()
         except BrokenProcessPool:
