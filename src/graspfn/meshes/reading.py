@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -14,6 +15,7 @@ from graspfn.meshes.obj import read_obj
 from graspfn.meshes.off import read_off
 from graspfn.meshes.ply import read_ply
 
+logging.getLogger("trimesh").addHandler(logging.NullHandler())  # else what it passes over fills a screen of stderr
 READERS = {".off": read_off, ".obj": read_obj, ".ply": read_ply}  # trimesh reads the others
 
 
