@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import io
-import re
+import logging
 from pathlib import Path, PurePosixPath
 
 import numpy as np
 import trimesh
 
 from graspfn.meshes.errors import MeshError, RejectedMeshError
+from graspfn.meshes.formats import SUFFIXES, known, plain
+from graspfn.meshes.obj import read_obj
 from graspfn.meshes.off import read_off
+from graspfn.meshes.ply import read_ply
 
-SUFFIXES = (".off", ".obj", ".stl", ".ply", ".glb", ".gltf")
+logging.getLogger("trimesh").addHandler(logging.NullHandler())  # else what it passes over fills a screen of stderr
+READERS = {".off": read_off, ".obj": read_obj, ".ply": read_ply}  # trimesh reads the others
 
 
 def read_mesh(path: Path) -> trimesh.Trimesh:
@@ -35,34 +39,27 @@ def parse_mesh(data: bytes, where: str, resolver: trimesh.resolvers.Resolver | N
 
     Raises RejectedMeshError. (An .obj that is cut short between two faces looks whole, since it declares no counts.)
     """
+    suffix = PurePosixPath(where).suffix.lower()
+    if suffix not in SUFFIXES:
+        what = suffix or "a file of no suffix"
+        raise RejectedMeshError(f"{where}: {what} is not read; it takes {' '.join(SUFFIXES)}")
     if not data:
         raise RejectedMeshError(f"{where}: empty file; it takes a mesh")
-    kind = PurePosixPath(where).suffix.lower().lstrip(".")
     try:
-        mesh = read_off(data) if kind == "off" else _load(data, kind, resolver)
+        mesh = READERS[suffix](plain(data)) if suffix in READERS else _load(data, suffix, resolver)
         vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-        if kind == "ply":
-            _check_ply_counts(data, len(vertices), len(faces))
-    except Exception as error:  # every reader of trimesh fails in its own way on a damaged file
-        reason = str(error)[:120] or type(error).__name__
-        raise RejectedMeshError(f"{where}: cannot be read as .{kind} ({reason}); it takes a whole mesh file") from None
+    except Exception as error:  # every reader fails in its own way on a damaged file
+        reason = known(plain(data), suffix) or str(error)[:120] or type(error).__name__
+        raise RejectedMeshError(f"{where}: cannot be read as {suffix} ({reason}); it takes a whole mesh file") from None
     if faces.ndim != 2 or len(faces) == 0:
-        raise RejectedMeshError(f"{where}: no faces in it; it takes a whole surface mesh, not points or curves")
+        cloud = f"{len(vertices)} points and no faces" if len(vertices) else "no faces in it"
+        raise RejectedMeshError(f"{where}: {known(plain(data), suffix) or cloud}; it takes a whole surface mesh")
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise RejectedMeshError(f"{where}: a face names a vertex that is not there; it takes a whole mesh file")
     return mesh
 
 
-def _load(data: bytes, kind: str, resolver: trimesh.resolvers.Resolver | None) -> trimesh.Trimesh:
-    """By trimesh; materials are left out, lest a missing picture cost a mesh."""
-    options = {"skip_materials": True} if kind in ("obj", "ply") else {}
-    return trimesh.load_mesh(io.BytesIO(data), file_type=kind, process=False, resolver=resolver, **options)
-
-
-def _check_ply_counts(data: bytes, vertices: int, faces: int) -> None:
-    """ValueError where a PLY holds less than its header declares; trimesh takes what there is of a text one."""
-    header = data.partition(b"end_header")[0]
-    for element, found in (("vertex", vertices), ("face", faces)):
-        declared = re.search(rb"^element\s+" + element.encode() + rb"\s+(\d+)", header, re.MULTILINE)
-        if declared and found < int(declared[1]):
-            raise ValueError(f"cut short: {found} of {int(declared[1])} {element} lines there")
+def _load(data: bytes, suffix: str, resolver: trimesh.resolvers.Resolver | None) -> trimesh.Trimesh:
+    """By trimesh. (A text .stl may keep its byte-order mark; the header of a binary one may look like one.)"""
+    content = io.BytesIO(plain(data) if suffix == ".gltf" else data)
+    return trimesh.load_mesh(content, file_type=suffix[1:], process=False, resolver=resolver)

@@ -12,7 +12,8 @@ from pathlib import Path, PurePosixPath
 import trimesh
 
 from graspfn.meshes.errors import MeshError, RejectedMeshError
-from graspfn.meshes.reading import SUFFIXES, parse_mesh, read_mesh
+from graspfn.meshes.formats import SUFFIXES
+from graspfn.meshes.reading import parse_mesh, read_mesh
 
 MAX_BYTES = 10**9  # of one mesh in an archive: a small zip can claim terabytes
 DAMAGE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError, RuntimeError)  # Runtime: encrypted
