@@ -1,4 +1,4 @@
-"""What the true function is good for, under physics: robust planning beats the best pose, the right Sigma a wrong one."""
+"""What the true function is good for under physics: robust planning beats the best pose, the right Sigma a wrong."""
 
 from __future__ import annotations
 

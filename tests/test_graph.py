@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "graspfn"
 PLUMBING = "workflow"  # in no stage's deps: it hands work out and keeps files, and cannot change a result
 MODULES = {"params.py", "seeds.py"}  # that rooms may import beside each other
-ROOMS = [PLUMBING, "geometry", "meshes", "selection", "physics", "imaging", "learning", "planning"]
+ROOMS = [PLUMBING, "geometry", "meshes", "formats", "selection", "physics", "imaging", "learning", "planning"]
 ROOMS += ["evaluation", "robot", "reporting"]
 STAGES = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
 
