@@ -11,7 +11,7 @@ from graspfn.imaging.holes import fill_holes
 from graspfn.imaging.network_input import network_input
 from graspfn.imaging.noise import observe
 from graspfn.learning.device import pick_device
-from graspfn.learning.prediction import predict
+from graspfn.learning.prediction import predict_both
 from graspfn.learning.weights import load_network
 from graspfn.params import Declared
 from graspfn.workflow.files import write_npz
@@ -32,7 +32,7 @@ def main(params: Declared) -> None:
         ]
     )
     run = "-".join(params.items)
-    scores, likeliest = predict(load_network(NETWORKS / run), inputs, pick_device(params.compute.device))
+    scores, likeliest = predict_both(load_network(NETWORKS / run), inputs, pick_device(params.compute.device))
     write_npz(OUT / f"{run}.npz", {"ids": np.array(ids), "scores": scores, "likeliest": likeliest})
 
 

@@ -1,4 +1,4 @@
-"""Citations of the paper name sections, equations and figures that it has, and the right ones where that can be told."""
+"""Citations of the paper name sections, equations and figures that it has, and the right ones where one can tell."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ FIGURES |= {10: "VII-B", 11: "VII-B"}
 ROOMS = {
     "geometry": {"III"},
     "meshes": {"IV-A", "IV-C"},
+    "formats": set(),
     "selection": {"IV-C", "VII"},
     "physics": {"IV-A", "IV-C"},
     "imaging": {"IV-B", "V", "VI"},

@@ -9,25 +9,29 @@ import pandas as pd
 import pytest
 from test_robot_recording import TOPICS, trial
 
-from graspfn.evaluation.trials import NO_GRASP, Sigma, plan_all, trials_of_object
+from graspfn.evaluation.bench import Scene
+from graspfn.evaluation.planner import GraspFunction, Planner
+from graspfn.evaluation.trials import NO_GRASP, trials_of_object
 from graspfn.geometry import grid
 from graspfn.imaging.camera import Intrinsics
 from graspfn.params import Plan
 from graspfn.physics.attempt import Outcome, Result
 from graspfn.planning.smoothing import PlanningError
+from graspfn.planning.uncertainty import PoseUncertainty
 from graspfn.reporting import tables
 from graspfn.robot import simulated
 from graspfn.robot.analyse import analyse
 from graspfn.robot.read import read_trial
 from graspfn.robot.record import write_trial
-from graspfn.robot.simulated import Scene, file_name
+from graspfn.robot.simulated import Seen, file_name
 from graspfn.robot.trial import METADATA, RecordingError
 from graspfn.workflow.files import write_parquet
 
 CAMERA = Intrinsics(640, 480, 570.0)
 PLAN = Plan(fine_uv=1, fine_theta=1)
 EMPTY = np.full((480, 640), CAMERA.table_depth, np.float32)
-SIGMAS = [Sigma(5.0, 10.0), Sigma(20.0, 10.0)]
+CELLS = [(5.0, 10.0), (20.0, 10.0)]
+PLANNER, SCENE = Planner(PLAN, CAMERA, 0), Scene("a", EMPTY, np.zeros(2), 0.0)
 POSES = ["u_m", "v_m", "theta_rad", "reached_u_m", "reached_v_m", "reached_theta_rad"]
 
 
@@ -46,14 +50,16 @@ def functions():
     """One network that knows a grasp, and one that finds none."""
     good = np.zeros(grid.SHAPE, np.float32)
     good[16, 20:24, 3] = 0.9
-    return {"good": good, "none": np.zeros(grid.SHAPE, np.float32)}
+    return [GraspFunction("good", 0, good), GraspFunction("none", 0, np.zeros(grid.SHAPE, np.float32))]
+
+
+def plans(functions):
+    return PLANNER.plans(SCENE, functions, [PoseUncertainty.of(*cell) for cell in CELLS])
 
 
 def test_trials_without_a_grasp_fail_and_try_nothing(tmp_path):
     bench = SureBench()
-    rows = pd.DataFrame(
-        trials_of_object("a", bench, EMPTY, np.zeros(2), 0.0, functions(), SIGMAS, PLAN, CAMERA, seed=0)
-    )
+    rows = pd.DataFrame(trials_of_object(SCENE, bench, PLANNER, functions(), CELLS, np.zeros((1, 3)), None))
     assert len(rows) == 2 * 5 and bench.tried == 2 * 2
     without = rows["network"] != "good"  # over an empty table Centroid finds none either
     assert (rows.loc[without, "outcome"] == NO_GRASP).all() and not rows.loc[without, "success"].any()
@@ -71,9 +77,8 @@ def test_trials_without_a_grasp_fail_and_try_nothing(tmp_path):
 
 
 def test_a_function_of_nan_is_a_fault_and_not_a_trial():
-    bad = {"broken": np.full(grid.SHAPE, np.nan, np.float32)}
     with pytest.raises(PlanningError):
-        plan_all(EMPTY, bad, SIGMAS, PLAN, CAMERA, 0, "a")
+        plans([GraspFunction("broken", 0, np.full(grid.SHAPE, np.nan, np.float32))])
 
 
 def no_grasp(**changes):
@@ -91,9 +96,7 @@ def test_a_recording_without_a_grasp_comes_back(tmp_path):
 
 def test_the_simulated_robot_records_what_it_could_not_try(tmp_path, monkeypatch):
     monkeypatch.setattr(simulated, "Bench", SureBench)
-    scene = Scene("a", 0, np.zeros(2), 0.0, EMPTY)
-    plans = plan_all(EMPTY, functions(), SIGMAS, PLAN, CAMERA, 0, "a")
-    for made in simulated.record(scene, plans, None, None, CAMERA, 0):
+    for made in simulated.record(Seen("a", 0, EMPTY, SCENE), CELLS, plans(functions()), None, None, CAMERA, 0):
         write_trial(tmp_path / file_name(made.condition), made, TOPICS, "16UC1")
     trials, found = analyse(tmp_path.glob("*.mcap"), TOPICS)
     assert len(trials) == 10

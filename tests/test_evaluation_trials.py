@@ -11,22 +11,28 @@ import trimesh
 from physics_params import ATTEMPT, GRIPPER, PHYSICS
 from scipy import stats
 
-from graspfn.evaluation.trials import Bench, Sigma, plan_all, trials_of_object
+from graspfn.evaluation.bench import Bench, Scene
+from graspfn.evaluation.expected import Attempts, expected_success
+from graspfn.evaluation.planner import TRUE, UNTRAINED, GraspFunction, Planner, promise
+from graspfn.evaluation.trials import trials_of_object
 from graspfn.geometry import grid
-from graspfn.geometry.transforms import T_world_scene, move_pose, translation
+from graspfn.geometry.transforms import T_world_scene, move_pose, translation, unmove_pose
 from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.render import render_depth
+from graspfn.imaging.warp import sample_function
 from graspfn.meshes.placed import Resting
 from graspfn.params import Plan
 from graspfn.physics.attempt import Outcome, Result
 from graspfn.physics.world import Rig
 from graspfn.planning.centroid import centroid_grasp
-from graspfn.planning.methods import METHODS
+from graspfn.planning.methods import BEST, LIKELIEST, METHODS, ROBUST
+from graspfn.planning.uncertainty import PoseUncertainty
 
 SMALL, CAMERA = Intrinsics(48, 36, 570.0), Intrinsics(640, 480, 570.0)
 SHIFT, THETA = np.array([0.03, -0.02]), 0.6
 COARSE = Plan(1, 1)
-CELLS = [Sigma(5.0, 10.0), Sigma(12.5, 10.0), Sigma(5.0, 40.0)]
+CELLS = [(5.0, 10.0), (12.5, 10.0), (5.0, 40.0)]
+ERRORS = np.random.default_rng(9).standard_normal((2, 3))
 REACHED = ["reached_u_m", "reached_v_m", "reached_theta_rad"]
 
 
@@ -48,18 +54,26 @@ def peaked(*peaks: tuple[int, int, int]) -> np.ndarray:
 class Recorder:
     """Stands in for a Bench: remembers what it is asked for, and every other grasp of it holds."""
 
-    asked: list[tuple[np.ndarray, np.ndarray, float]] = field(default_factory=list)
+    asked: list[np.ndarray] = field(default_factory=list)
 
-    def grasp(self, q: np.ndarray, shift_uv: np.ndarray, theta: float) -> Result:
-        self.asked.append((q.copy(), shift_uv, theta))
+    def grasp(self, q: np.ndarray) -> Result:
+        self.asked.append(q.copy())
         return Result((Outcome.HELD, Outcome.LEFT)[len(self.asked) % 2])
 
 
-def trials(name="cup", bench=None, functions=None, sigmas=CELLS, seed=0) -> pd.DataFrame:
-    functions = {"alexnet": peaked((10, 20, 2)), "fcn": peaked((25, 30, 5))} if functions is None else functions
+def scene(name: str = "cup") -> Scene:
+    return Scene(name, brick(), SHIFT, THETA)
+
+
+def networks(**functions: np.ndarray) -> list[GraspFunction]:
+    return [GraspFunction(name, 0, f) for name, f in functions.items()]
+
+
+def trials(bench=None, functions=None, cells=CELLS, errors=ERRORS, attempts=None) -> pd.DataFrame:
+    default = networks(alexnet=peaked((10, 20, 2)), fcn=peaked((25, 30, 5)))
+    functions = default if functions is None else functions
     bench = Recorder() if bench is None else bench
-    rows = trials_of_object(name, bench, brick(), SHIFT, THETA, functions, sigmas, COARSE, SMALL, seed)
-    return pd.DataFrame(rows)
+    return pd.DataFrame(trials_of_object(scene(), bench, Planner(COARSE, SMALL, 0), functions, cells, errors, attempts))
 
 
 def errors(rows: pd.DataFrame) -> np.ndarray:
@@ -81,70 +95,103 @@ def assert_normal(draws: np.ndarray, sigma: np.ndarray) -> None:
 @pytest.mark.parametrize("theta", [0.01, 1.7, 3.13])
 def test_the_gripper_misses_by_millimetres_and_degrees(theta):
     """5 mm and 10 degrees, whatever angle it is sent to: near the wrap of theta as anywhere."""
-    q, rng = np.array([0.1, -0.05, theta]), np.random.default_rng(0)
-    reached = np.array([Sigma(5.0, 10.0).reached(q, rng) for _ in range(4000)])
+    q, sigma = np.array([0.1, -0.05, theta]), PoseUncertainty.of(5.0, 10.0)
+    reached = sigma.reached(q, np.random.default_rng(0).standard_normal((4000, 3)))
     assert np.all((reached[:, 2] >= 0) & (reached[:, 2] < np.pi))
     missed = np.column_stack([reached[:, :2] - q[:2], grid.angle_difference(reached[:, 2], theta)])
     assert_normal(missed, np.array([0.005, 0.005, np.pi / 18]))
+    np.testing.assert_allclose(sigma.covariance, np.diag([25e-6, 25e-6, (np.pi / 18) ** 2]))
+    assert sigma.name == "(5 mm, 10°)"
 
 
 def test_without_uncertainty_the_gripper_gets_there():
     q = np.array([0.1, -0.05, 3.5])
-    np.testing.assert_allclose(Sigma(0.0, 0.0).reached(q, np.random.default_rng(0)), [0.1, -0.05, 3.5 - np.pi])
+    np.testing.assert_allclose(PoseUncertainty(0.0, 0.0).reached(q, ERRORS), [[0.1, -0.05, 3.5 - np.pi]] * 2)
     assert q[2] == 3.5
 
 
-def test_each_method_and_uncertainty_is_tried_once():
+def test_each_method_uncertainty_and_error_is_tried_once():
     rows = trials()
-    planned = [("Centroid", ""), *((m, n) for m in ("Best Grasp", "Robust Best Grasp") for n in ("alexnet", "fcn"))]
-    found = rows[["sigma_uv_mm", "sigma_theta_deg", "method", "network"]].itertuples(index=False, name=None)
-    assert sorted(found) == sorted((c.uv_mm, c.theta_deg, *one) for c in CELLS for one in planned)
+    planned = [("Centroid", "", UNTRAINED), *((m, n, 0) for m in (BEST, ROBUST) for n in ("alexnet", "fcn"))]
+    keys = ["sigma_uv_mm", "sigma_theta_deg", "method", "network", "training_seed", "error"]
+    found = rows[keys].itertuples(index=False, name=None)
+    assert sorted(found) == sorted((*c, *one, i) for c in CELLS for one in planned for i in range(len(ERRORS)))
     assert set(rows["id"]) == {"cup"}
-    assert tuple(dict.fromkeys(rows["method"])) == METHODS  # the names that tables and recordings go by
+    assert set(rows["method"]) | {LIKELIEST} == set(METHODS)  # the names that tables and recordings go by
 
 
-def test_methods_of_a_cell_share_the_grippers_error():
-    for _, cell in trials().groupby(["sigma_uv_mm", "sigma_theta_deg"]):
-        assert cell[["u_m", "v_m"]].drop_duplicates().shape[0] > 2  # sent to different places
-        np.testing.assert_allclose(errors(cell), errors(cell)[:1].repeat(len(cell), axis=0), atol=1e-12)
-
-
-def test_cells_objects_and_seeds_have_errors_of_their_own():
-    """Not the same draw at another scale, either."""
-    drawn = []
-    for rows in (trials(), trials(name="jug"), trials(seed=1)):
-        scale = np.column_stack([rows["sigma_uv_mm"] / 1e3, rows["sigma_uv_mm"] / 1e3, rows["sigma_theta_deg"]])
-        drawn.append((errors(rows) / scale)[rows["method"] == "Centroid"])
-    drawn = np.concatenate(drawn)
-    assert len(drawn) == 9
-    for axis in drawn.T:
-        assert np.diff(np.sort(axis)).min() > 1e-9
-
-
-def test_over_objects_the_errors_of_a_cell_have_its_sigma():
-    rows = pd.concat([trials(name=f"cup-{i}", functions={}, sigmas=CELLS[:2]) for i in range(500)])
-    for uv_mm, cell in rows.groupby("sigma_uv_mm"):
-        assert_normal(errors(cell), np.array([uv_mm / 1e3, uv_mm / 1e3, np.radians(10)]))
+def test_all_methods_and_cells_share_the_grippers_errors_each_scaled_by_its_uncertainty():
+    rows = trials()
+    for (uv, theta, i), group in rows.groupby(["sigma_uv_mm", "sigma_theta_deg", "error"]):
+        assert group[["u_m", "v_m"]].drop_duplicates().shape[0] > 2  # sent to different places
+        expected = ERRORS[i] * [uv / 1e3, uv / 1e3, np.radians(theta)]
+        expected[2] = grid.angle_difference(expected[2], 0.0)
+        np.testing.assert_allclose(errors(group), np.tile(expected, (len(group), 1)), atol=1e-12)
 
 
 def test_what_is_written_down_is_what_was_tried_and_came_of_it():
     bench = Recorder()
     rows = trials(bench=bench)
-    asked, shifts, thetas = zip(*bench.asked, strict=True)
-    np.testing.assert_array_equal(rows[REACHED], np.array(asked))
-    assert all(shift is SHIFT for shift in shifts) and set(thetas) == {THETA}
+    np.testing.assert_array_equal(rows[REACHED], np.array(bench.asked))
     assert rows["success"].tolist() == [i % 2 == 1 for i in range(len(rows))]
     assert (rows["outcome"] == np.where(rows["success"], "held", "left")).all()
 
 
 def test_every_method_is_sent_where_it_plans():
     """Which for Robust Best Grasp under next to no uncertainty is Best Grasp's pose."""
-    f = {"alexnet": peaked((10, 20, 2)), "fcn": peaked((25, 30, 5))}
-    rows = trials(functions=f, sigmas=[Sigma(0.01, 0.01)]).set_index(["method", "network"])[["u_m", "v_m", "theta_rad"]]
+    f = networks(alexnet=peaked((10, 20, 2)), fcn=peaked((25, 30, 5)))
+    rows = trials(functions=f, cells=[(0.01, 0.01)], errors=ERRORS[:1]).set_index(["method", "network"])
+    rows = rows[["u_m", "v_m", "theta_rad"]]
     np.testing.assert_array_equal(rows.loc[("Centroid", "")], centroid_grasp(brick(), SMALL))
-    for method in ("Best Grasp", "Robust Best Grasp"):
+    for method in (BEST, ROBUST):
         np.testing.assert_allclose(rows.loc[(method, "alexnet")], grid.from_index([10, 20, 2]), atol=1e-12)
         np.testing.assert_allclose(rows.loc[(method, "fcn")], grid.from_index([25, 30, 5]), atol=1e-12)
+
+
+def test_the_true_function_plans_about_the_object_and_is_sent_to_where_that_lies_in_the_image():
+    f = peaked((14, 25, 1))
+    rows = trials(functions=[GraspFunction(TRUE, UNTRAINED, f)], cells=[(0.01, 0.01)], errors=ERRORS[:1])
+    rows = rows.set_index("method")[["u_m", "v_m", "theta_rad"]]
+    for method in (BEST, ROBUST):
+        expected = move_pose(grid.from_index([14, 25, 1]), SHIFT, THETA)
+        np.testing.assert_allclose(rows.loc[method], expected, atol=1e-12)
+
+
+def test_the_likeliest_class_plans_by_its_own_scores():
+    function = GraspFunction("fcn", 0, peaked((10, 20, 2)), likeliest=peaked((25, 30, 5)))
+    rows = trials(functions=[function], cells=CELLS[:1]).drop_duplicates("method").set_index("method")
+    np.testing.assert_allclose(rows.loc[LIKELIEST, "u_m"], grid.from_index([25, 30, 5])[0])
+    np.testing.assert_allclose(rows.loc[BEST, "u_m"], grid.from_index([10, 20, 2])[0])
+
+
+def test_promises_are_the_robust_scores_of_the_poses_and_robust_planning_has_the_highest():
+    f = np.random.default_rng(1).random(grid.SHAPE)
+    rows = trials(functions=networks(fcn=f)).drop_duplicates(["method", "sigma_uv_mm", "sigma_theta_deg"])
+    assert rows.loc[rows["method"] == "Centroid", "promise"].isna().all()
+    for cell, group in rows.groupby(["sigma_uv_mm", "sigma_theta_deg"]):
+        by = group.set_index("method")
+        assert by.loc[ROBUST, "promise"] >= by.loc[BEST, "promise"]
+        sigma, q = PoseUncertainty.of(*cell), by.loc[BEST, ["u_m", "v_m", "theta_rad"]].to_numpy(dtype=float)
+        draws = sigma.reached(q, np.random.default_rng(2).standard_normal((200_000, 3)))
+        assert by.loc[BEST, "promise"] == pytest.approx(sample_function(f, draws).mean(), abs=5e-3)
+        assert promise(f, q, sigma) == pytest.approx(by.loc[BEST, "promise"])
+
+
+def test_expected_success_is_of_the_pose_about_the_object_and_not_of_the_true_function():
+    drawn = grid.sample_cells(3, np.random.default_rng(3))
+    attempts = Attempts(drawn, (np.abs(drawn[..., :2]) < 0.03).all(axis=-1))
+    functions = [*networks(fcn=peaked((25, 30, 5))), GraspFunction(TRUE, UNTRAINED, peaked((14, 25, 1)))]
+    rows = trials(functions=functions, attempts=attempts).drop_duplicates(
+        ["method", "network", "sigma_uv_mm", "sigma_theta_deg"]
+    )
+    assert rows.loc[rows["network"] == TRUE, "expected"].isna().all()  # it chose by the very attempts
+    for row in rows[rows["network"] != TRUE].to_dict("records"):
+        sigma = PoseUncertainty.of(row["sigma_uv_mm"], row["sigma_theta_deg"])
+        q = unmove_pose(np.array([row["u_m"], row["v_m"], row["theta_rad"]]), SHIFT, THETA)
+        expected = expected_success(q, sigma.uv_m, sigma.theta_rad, attempts)
+        np.testing.assert_allclose(row["expected"], expected.value)
+        np.testing.assert_allclose(row["effective"], expected.effective)
+    assert trials(cells=[(0.0, 10.0)], attempts=attempts)["expected"].isna().all()  # no density
 
 
 # A lone pose that scores 1 is left for a plateau of 0.8 elsewhere. Between poses f is trilinear, so that along one axis
@@ -156,22 +203,27 @@ def test_robust_planning_gives_a_pose_up_when_errors_cost_it_its_lead(axis, part
     if axis == "theta":  # a ridge in (u, v): only a wrong angle costs
         f[5:12, 5:12, 2] = 1.0
         cells = 0.2 / np.sqrt(2 / np.pi)
-        sigma = Sigma(1e-3, part * cells * 30)
+        sigma = PoseUncertainty.of(1e-3, part * cells * 30)
     else:  # any angle will do; u and v both cost: (1 - sqrt(2 / pi) sigma)^2
         f[8, 8, :] = 1.0
         cells = (1 - np.sqrt(0.8)) / np.sqrt(2 / np.pi)
-        sigma = Sigma(part * cells * 10, 1e-3)
+        sigma = PoseUncertainty.of(part * cells * 10, 1e-3)
     f[20:31, 20:40, :] = 0.8
-    plans = plan_all(brick(), {"fcn": f}, [sigma], COARSE, SMALL, 0, "cup")
-    (q,) = (planned.q for _, planned in plans if planned.method == "Robust Best Grasp")
+    (plans,) = Planner(COARSE, SMALL, 0).plans(scene(), networks(fcn=f), [sigma])
+    (q,) = (planned.q for planned in plans if planned.method == ROBUST)
     assert (q[0] < 0) == kept
-    (best,) = (planned.q for _, planned in plans if planned.method == "Best Grasp")
+    (best,) = (planned.q for planned in plans if planned.method == BEST)
     assert best[0] < 0
 
 
-def poses(name="cup", seed=0, sigmas=CELLS, **functions) -> dict[tuple[Sigma, str, str], tuple[float, ...]]:
-    plans = plan_all(brick(), functions, sigmas, COARSE, SMALL, seed, name)
-    return {(sigma, p.method, p.network): tuple(p.q) for sigma, p in plans}
+def poses(
+    name="cup", seed=0, cells=CELLS, **functions
+) -> dict[tuple[tuple[float, float], str, str], tuple[float, ...]]:
+    uncertainties = [PoseUncertainty.of(*cell) for cell in cells]
+    plans = Planner(COARSE, SMALL, seed).plans(scene(name), networks(**functions), uncertainties)
+    return {
+        (cell, p.method, p.network): tuple(p.q) for cell, planned in zip(cells, plans, strict=True) for p in planned
+    }
 
 
 def test_ties_are_drawn_by_seed_object_and_network_alone():
@@ -179,14 +231,14 @@ def test_ties_are_drawn_by_seed_object_and_network_alone():
     f = peaked((10, 10, 3), (22, 33, 0))  # images of each other by half a turn
     f[:] = np.where(f == 1, f, 0)
     one = poses(a=f, b=f)
-    alone = poses(sigmas=CELLS[1:2], b=f)
+    alone = poses(cells=CELLS[1:2], b=f)
     assert alone.items() <= one.items()
     assert len({q for (_, method, network), q in one.items() if (method, network) == ("Best Grasp", "a")}) == 1
     for method in ("Best Grasp", "Robust Best Grasp"):
         key = CELLS[0], method, "a"
-        by_name = [poses(name=f"cup-{i}", sigmas=CELLS[:1], a=f)[key] for i in range(60)]
-        by_seed = [poses(seed=i, sigmas=CELLS[:1], a=f)[key] for i in range(60)]
-        many = poses(sigmas=CELLS[:1], **{f"net-{i}": f for i in range(60)})
+        by_name = [poses(name=f"cup-{i}", cells=CELLS[:1], a=f)[key] for i in range(60)]
+        by_seed = [poses(seed=i, cells=CELLS[:1], a=f)[key] for i in range(60)]
+        many = poses(cells=CELLS[:1], **{f"net-{i}": f for i in range(60)})
         by_network = [q for (_, m, network), q in many.items() if m == method]
         for drawn in (by_name, by_seed, by_network):
             left = sum(q[0] < 0 for q in drawn)
@@ -197,12 +249,13 @@ def test_a_bench_grasps_a_moved_object_where_the_camera_sees_it():
     """In DART: a box that is turned and shifted, seen from above, held across its middle and missed beside it."""
     box = trimesh.creation.box([0.11, 0.04, 0.05])
     resting = Resting(box, box, translation(0, 0, 0.025))
-    bench, shift, theta = Bench(resting, Rig(PHYSICS, GRIPPER, ATTEMPT)), np.array([0.08, -0.05]), 1.1
-    depth = render_depth(box, T_world_scene(shift, theta) @ resting.T_world_object, CAMERA)
+    shift, theta = np.array([0.08, -0.05]), 1.1
+    seen = Scene("box", render_depth(box, T_world_scene(shift, theta) @ resting.T_world_object, CAMERA), shift, theta)
+    bench = Bench(resting, Rig(PHYSICS, GRIPPER, ATTEMPT), seen)
     good = np.round(grid.to_index(move_pose(np.array([0, 0, np.pi / 2]), shift, theta))).astype(int)
-    f = {"good": peaked(tuple(good)), "poor": peaked((25, 5, 0))}
-    rows = trials_of_object("box", bench, depth, shift, theta, f, [Sigma(0.1, 0.1)], COARSE, CAMERA, 0)
-    outcomes = {(row["method"], row["network"]): (row["success"], row["outcome"]) for row in rows}
+    f = networks(good=peaked(tuple(good)), poor=peaked((25, 5, 0)))
+    rows = trials_of_object(seen, bench, Planner(COARSE, CAMERA, 0), f, [(0.1, 0.1)], ERRORS[:1], None)
+    outcomes = {(row.method, row.network): (row.success, row.outcome) for row in rows}
     assert outcomes == {
         ("Centroid", ""): (True, "held"),
         ("Best Grasp", "good"): (True, "held"),
@@ -210,6 +263,6 @@ def test_a_bench_grasps_a_moved_object_where_the_camera_sees_it():
         ("Best Grasp", "poor"): (False, "untouched"),
         ("Robust Best Grasp", "poor"): (False, "untouched"),
     }
-    q = np.array([rows[0]["u_m"], rows[0]["v_m"], rows[0]["theta_rad"]])
-    assert len(bench.grasp(q, shift, theta, film=True).frames) > 10
-    assert not bench.grasp(q, shift, theta).frames
+    q = np.array([rows[0].u_m, rows[0].v_m, rows[0].theta_rad])
+    assert len(bench.grasp(q, film=True).frames) > 10
+    assert not bench.grasp(q).frames

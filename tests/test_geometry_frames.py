@@ -38,16 +38,14 @@ def test_poses_and_indices_are_each_others_inverse():
 
 
 def test_draws_fill_every_cell_evenly():
-    offset = (
-        grid.to_index(grid.sample_cells(3, np.random.default_rng(0)))
-        - np.moveaxis(np.indices((*grid.SHAPE, 3)), 0, -1)[..., :3]
-    )
-    assert offset.shape == (*grid.SHAPE, 3, 3)
+    index = np.moveaxis(np.indices((*grid.SHAPE, 4)), 0, -1)[..., :3]
+    offset = grid.to_index(grid.sample_cells(4, np.random.default_rng(0))) - index
+    assert offset.shape == (*grid.SHAPE, 4, 3)
     draws = offset.reshape(-1, 3)
     assert all(stats.kstest(axis, "uniform", (-0.5, 1)).pvalue > 1e-4 for axis in draws.T)
     assert np.all(abs(np.corrcoef(draws.T) - np.eye(3)) < 5 / np.sqrt(len(draws)))
-    repeats = np.corrcoef(offset[..., 0].reshape(-1, 3).T)
-    assert np.all(abs(repeats - np.eye(3)) < 5 * np.sqrt(3 / len(draws)))
+    repeats = np.corrcoef(offset[..., 0].reshape(-1, 4).T)
+    assert np.all(abs(repeats - np.eye(4)) < 5 * np.sqrt(4 / len(draws)))
 
 
 def test_the_difference_of_two_jaw_directions_is_the_smallest():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from graspfn.geometry.grid import CELL_M, CELL_RAD, SHAPE, poses
+from graspfn.geometry.grid import CELL_M, CELL_PX, CELL_RAD, SHAPE, poses
 from graspfn.geometry.transforms import T_world_scene, apply, move_pose
 from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.warp import move_function, move_image, sample_function
@@ -138,6 +138,13 @@ def test_image_moves_by_whole_cells_exactly(rng):
     assert np.allclose(moved[:466, 28:], depth[14:, :612], atol=1e-6)
     assert np.allclose(moved[:, :27], 0.4)
     assert np.allclose(moved[467:], 0.4)
+
+
+def test_between_pixels_an_image_is_the_mean_of_its_neighbours(rng):
+    depth = rng.random((480, 640))
+    moved = move_image(depth, np.array([0.5, 0.25]) * CELL_M / CELL_PX, 0.0, CAMERA, 0.4)
+    across = (depth[:, 1:] + depth[:, :-1]) / 2
+    assert np.allclose(moved[1:, 1:], 0.75 * across[1:] + 0.25 * across[:-1], atol=1e-9)
 
 
 def test_image_turns_half_round_exactly(rng):

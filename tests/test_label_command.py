@@ -1,6 +1,8 @@
 """`graspfn label`: one mesh of the user's own, labelled, accounted for and drawn."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -13,10 +15,12 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from graspfn.cli import app
+from graspfn.formats.reading import read_mesh
 from graspfn.geometry import grid
 from graspfn.geometry.transforms import apply
+from graspfn.label_mesh import _apart
+from graspfn.meshes.errors import MeshError
 from graspfn.physics.labelling import ENDS, OUTCOMES
-from graspfn.selection.reading import read_mesh
 from graspfn.workflow.files import read_npz
 
 ROOT = Path(__file__).parents[1]
@@ -117,6 +121,15 @@ def test_bad_input_is_one_line_and_writes_nothing(workplace, arguments, said):
 def test_parameters_that_cannot_be_are_one_line(workplace, overrides, said):
     write_params(workplace, **overrides)
     refuses(workplace, ["block.stl"], said)
+
+
+def dies(path: Path) -> None:
+    os.kill(os.getpid(), signal.SIGSEGV)
+
+
+def test_a_library_that_crashes_on_a_mesh_costs_a_line():
+    with pytest.raises(MeshError, match=r"^caf\\udce9\.stl: the process that cleaned and settled it died"):
+        _apart(dies, Path("caf\udce9.stl"))
 
 
 def test_params_yaml_is_asked_for(workplace):

@@ -117,6 +117,20 @@ def test_a_sample_depends_on_its_line_alone(images, successes, table):
     alone = GraspSamples(images, successes, 5, table.iloc[[4]], CAMERA, NOISY)
     assert all(torch.equal(one, other) for one, other in zip(whole[4], alone[0], strict=True))
     assert not torch.equal(whole[3][0], whole[4][0])
+    assert torch.equal(whole[4][0], whole.image(4)) and torch.equal(whole[4][1], whole.label(4))
+
+
+def test_a_class_belongs_to_the_object_of_its_line(images, table):
+    samples = ClassSamples(images, np.array([7, 3]), table, CAMERA, CLEAN)
+    assert len(samples) == len(table) == 6
+    for i, row in enumerate(table["row"]):
+        image, label = samples[i]
+        assert torch.equal(image, samples.image(i)) and label == (7, 3)[row]
+
+
+def test_an_image_that_q_does_not_fit_into_is_refused(images, table):
+    with pytest.raises(ValueError, match="width_px"):
+        ClassSamples(images[..., :600], np.zeros(2), table, Intrinsics(600, 480, 570.0), CLEAN)
 
 
 def test_memory_maps_give_the_same_samples(images, successes, table, tmp_path):

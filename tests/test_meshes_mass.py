@@ -34,3 +34,15 @@ def test_open_mesh_has_the_mass_of_its_hull():
     box = trimesh.creation.box((0.1, 0.1, 0.1)).subdivide()
     opened = trimesh.Trimesh(box.vertices, box.faces[box.face_normals[:, 2] < 0.5], process=False)
     assert mass_properties(opened, 100.0)[0] == pytest.approx(0.1)
+
+
+def test_what_no_body_could_weigh_has_the_mass_of_its_hull():
+    """A ball, and beside it a slightly smaller one inside out: closed, of some volume, its centre far outside it."""
+    ball = trimesh.creation.icosphere(3, 0.02)
+    hole = trimesh.creation.icosphere(3, 0.019).apply_translation([0.06, 0, 0])
+    hole.invert()
+    both = trimesh.util.concatenate([ball, hole])
+    assert both.is_watertight and both.volume > 0
+    mass, inertia = mass_properties(both, 100.0)
+    assert mass == pytest.approx(100 * both.convex_hull.volume)
+    assert np.linalg.eigvalsh(inertia).min() > 0

@@ -26,6 +26,8 @@ NEEDS = {
 COUNTS = {
     "meshes.train",
     "meshes.test",
+    "label.test",
+    "evaluate.errors_per_object",
     "augment.samples",
     "pretrain.epochs",
     "train.epochs",

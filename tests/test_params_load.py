@@ -4,6 +4,7 @@ import copy
 import dataclasses
 import math
 import typing
+from functools import reduce
 from pathlib import Path
 
 import pytest
@@ -80,7 +81,7 @@ def test_bounds_hold_at_their_edge(path, hint, rule):
     step = 1 if hint is int else 1e-9
 
     def wrapped(value):
-        return [value] * len(VALUES[path[0]][path[1]]) if many else value
+        return [value] * len(reduce(lambda inner, name: inner[name], path, VALUES)) if many else value
 
     outside = [rule.at_least - step] if rule.at_least is not None else []
     outside += [rule.above] if rule.above is not None else []
@@ -138,11 +139,11 @@ def test_compute_comes_along_undeclared(root):
 
 
 def test_network_of_the_item_and_no_other(root):
-    params = load("train", network="fcn", root=root)
+    params = load("train", "fcn", "0", root=root)
     assert isinstance(params.network, Network)
     assert params.network == validate(VALUES).network["fcn"]
     with pytest.raises(ParameterError, match=r"^network\.vgg: missing"):
-        load("train", network="vgg", root=root)
+        load("train", "vgg", "0", root=root)
 
 
 def test_parts_of_sections_are_not_declared(root):

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from test_robot_recording import CONDITION, TOPICS, trial
 
-from graspfn.robot.analyse import analyse, independent_errors, sigma_interval, uncertainty
+from graspfn.robot.analyse import analyse, independent_errors, pose_errors, sigma_interval, uncertainty
 from graspfn.robot.record import write_trial
 from graspfn.robot.trial import RecordingError
 
@@ -38,9 +38,21 @@ def test_intervals_cover_the_truth_as_often_as_they_say():
     rng = np.random.default_rng(1)
     rows = [uncertainty(draw(30, rng)) for _ in range(1000)]
     for name, truth in (("uv_mm", 6.2), ("theta_deg", 4.7)):
-        covered = np.mean([r[f"estimated_{name}_low"] <= truth <= r[f"estimated_{name}_high"] for r in rows])
-        assert 0.925 < covered < 0.975
+        above = np.mean([r[f"estimated_{name}_low"] > truth for r in rows])
+        below = np.mean([r[f"estimated_{name}_high"] < truth for r in rows])
+        assert 0.01 < above < 0.04 and 0.01 < below < 0.04
         assert all(r[f"estimated_{name}_low"] < r[f"estimated_{name}"] < r[f"estimated_{name}_high"] for r in rows)
+
+
+def test_each_axis_has_the_spread_about_its_own_mean_even_of_two_trials():
+    errors = np.array([[0.001, 0.010, 0.1], [0.003, 0.004, 0.2]])
+    found = uncertainty(errors)
+    u, v, theta = errors.std(axis=0, ddof=1) * [1000, 1000, 180 / np.pi]
+    assert found["estimated_u_mm"] == pytest.approx(u)
+    assert found["estimated_v_mm"] == pytest.approx(v)
+    assert found["estimated_uv_mm"] == pytest.approx(np.sqrt((u**2 + v**2) / 2))
+    assert found["estimated_theta_deg"] == pytest.approx(theta)
+    assert 0 < found["estimated_theta_deg_low"] < theta < found["estimated_theta_deg_high"] < np.inf
 
 
 def test_one_trial_says_nothing_about_spread():
@@ -92,17 +104,39 @@ def test_methods_that_shared_their_errors_add_no_observations(tmp_path):
     np.testing.assert_allclose(both[columns].astype(float), alone[columns].astype(float), rtol=1e-6)
 
 
+def table(objects: str, reached: np.ndarray) -> pd.DataFrame:
+    """Trials of placement 0 of objects of one letter each, all sent to 0 and reaching reached (n, 3)."""
+    rows = pd.DataFrame({"object": list(objects), "placement": "0"})
+    rows[["u_m", "v_m", "theta_rad"]] = 0.0
+    rows[["reached_u_m", "reached_v_m", "reached_theta_rad"]] = reached
+    return rows
+
+
 def test_equal_errors_of_different_placements_are_all_observations():
-    rows = pd.DataFrame({"object": ["a", "a"], "placement": ["0", "1"]})
-    for name in ("u_m", "v_m", "theta_rad", "reached_u_m", "reached_v_m", "reached_theta_rad"):
-        rows[name] = 0.0
-    assert len(independent_errors(rows)) == 2
+    assert len(independent_errors(table("ab", np.zeros((2, 3))))) == 2
+    assert len(independent_errors(table("ab", np.zeros((2, 3))).assign(object="a", placement=["0", "1"]))) == 2
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_different_errors_of_one_placement_are_all_observations(axis):
+    """A tenth of a micrometre, or of a microradian, apart; but not what rounding makes of one error."""
+    reached = np.full((3, 3), 0.01)
+    reached[1, axis] += 1e-7
+    reached[2, axis] += 1e-16
+    assert len(independent_errors(table("aaa", reached))) == 2
+
+
+def test_errors_are_what_was_reached_less_what_was_commanded():
+    rows = table("a", np.array([[0.003, -0.002, 3.1]])).assign(u_m=0.001, v_m=0.004, theta_rad=0.1)
+    np.testing.assert_allclose(pose_errors(rows), [[0.002, -0.006, 3.0 - np.pi]])
 
 
 def test_the_same_trial_twice_is_refused(tmp_path):
-    write_trial(tmp_path / "a.mcap", trial(), TOPICS, "16UC1")
-    write_trial(tmp_path / "b.mcap", trial(), TOPICS, "16UC1")
-    with pytest.raises(RecordingError, match=r"a\.mcap and b\.mcap: two recordings of the same trial"):
+    """By the names of the two, the first of more, and no others."""
+    for name, placement in (("z", "0"), ("a", "2"), ("b", "2"), ("c", "3"), ("d", "3")):
+        made = trial(condition=dataclasses.replace(CONDITION, placement=placement))
+        write_trial(tmp_path / f"{name}.mcap", made, TOPICS, "16UC1")
+    with pytest.raises(RecordingError, match=r"^a\.mcap and b\.mcap: two recordings of the same trial"):
         analyse(tmp_path.glob("*.mcap"), TOPICS)
     with pytest.raises(RecordingError, match="no recordings"):
         analyse([], TOPICS)

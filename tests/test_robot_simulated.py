@@ -5,37 +5,36 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from graspfn.evaluation.trials import Planned, Sigma
+from graspfn.evaluation.bench import Scene
+from graspfn.evaluation.planner import Planned
 from graspfn.geometry.grid import angle_difference
 from graspfn.imaging.camera import Intrinsics
 from graspfn.params import Noise
 from graspfn.physics.attempt import Frame, Outcome, Result
 from graspfn.robot import simulated
-from graspfn.robot.simulated import Scene, file_name, record, see
+from graspfn.robot.simulated import Seen, file_name, record, see
 
 CAMERA = Intrinsics(640, 480, 570.0)
-SIGMAS = Sigma(6.2, 4.7), Sigma(20.0, 15.0)
-PLANS = [
-    (sigma, Planned(method, network, np.array(q)))
-    for sigma in SIGMAS
-    for method, network, q in (
-        ("Centroid", "", [0.02, 0.03, 0.1]),
-        ("Best Grasp", "fcn", [-0.1, 0.05, 3.1]),
-        ("Robust Best Grasp", "fcn", [0.0, -0.06, 1.6]),
-    )
+CELLS = [(6.2, 4.7), (20.0, 15.0)]
+OF_CELL = [
+    Planned("Centroid", "", -1, np.array([0.02, 0.03, 0.1])),
+    Planned("Best Grasp", "fcn", 0, np.array([-0.1, 0.05, 3.1])),
+    Planned("Robust Best Grasp", "fcn", 0, np.array([0.0, -0.06, 1.6])),
 ]
+PLANS = [(cell, planned) for cell in CELLS for planned in OF_CELL]
 
 
 class Bench:
     """Holds whatever it is asked to grasp on the left of the image; remembers what that was."""
 
-    asked: list[tuple[np.ndarray, np.ndarray, float]]
+    asked: list[np.ndarray]
+    scene: Scene
 
-    def __init__(self, resting, rig):
-        Bench.asked = []
+    def __init__(self, resting, rig, scene):
+        Bench.asked, Bench.scene = [], scene
 
-    def grasp(self, q, shift_uv, theta, film=False):
-        Bench.asked.append((q, shift_uv, theta))
+    def grasp(self, q, film=False):
+        Bench.asked.append(q)
         frames = tuple(Frame(0.01 * i, 0.1 * i, (0.5 * i, 0.7 * i), np.eye(4)) for i in range(4)) if film else ()
         return Result(Outcome.HELD if q[0] < 0 else Outcome.LEFT, frames=frames)
 
@@ -46,8 +45,9 @@ def recorded(monkeypatch):
     monkeypatch.setattr(simulated, "Bench", Bench)
 
     def made(name="cup", placement=0, seed=0):
-        scene = Scene(name, placement, np.array([0.01, 0.02]), 0.4, np.full((480, 640), 0.4, np.float32))
-        return record(scene, PLANS, None, None, CAMERA, seed)
+        raw = np.full((480, 640), 0.4, np.float32)
+        seen = Seen(name, placement, raw, Scene(f"{name}-{placement}", raw, np.array([0.01, 0.02]), 0.4))
+        return record(seen, CELLS, [OF_CELL, OF_CELL], None, None, CAMERA, seed)
 
     return made
 
@@ -60,13 +60,13 @@ def errors(recordings) -> np.ndarray:
 
 def test_a_recording_says_what_was_tried_and_what_came_of_it(recorded):
     made = recorded(placement=3)
-    for (sigma, planned), (q, shift, theta), one in zip(PLANS, Bench.asked, made, strict=True):
+    assert (Bench.scene.shift_uv.tolist(), Bench.scene.theta) == ([0.01, 0.02], 0.4)
+    for (cell, planned), q, one in zip(PLANS, Bench.asked, made, strict=True):
         c = one.condition
         assert (c.object, c.placement, c.method, c.network) == ("cup", "3", planned.method, planned.network)
-        assert (c.sigma_uv_mm, c.sigma_theta_deg, c.simulated) == (sigma.uv_mm, sigma.theta_deg, True)
+        assert (c.sigma_uv_mm, c.sigma_theta_deg, c.simulated) == (*cell, True)
         np.testing.assert_array_equal(one.commanded, planned.q)
         np.testing.assert_array_equal(one.achieved, q)
-        assert (shift.tolist(), theta) == ([0.01, 0.02], 0.4)
         assert one.success == (q[0] < 0)
         np.testing.assert_allclose(one.joint_time_s, [0, 0.01, 0.02, 0.03])
         np.testing.assert_allclose(one.joint_positions, np.outer(range(4), [0.1, 0.5, 0.7]))
@@ -77,9 +77,9 @@ def test_a_recording_says_what_was_tried_and_what_came_of_it(recorded):
 def test_methods_share_the_arms_error_and_nothing_else_does(recorded):
     apart = []
     for made in (recorded(), recorded(placement=1), recorded("jug"), recorded(seed=1)):
-        for sigma, cell in zip(SIGMAS, (errors(made[:3]), errors(made[3:])), strict=True):
+        for (uv_mm, theta_deg), cell in zip(CELLS, (errors(made[:3]), errors(made[3:])), strict=True):
             np.testing.assert_allclose(cell, cell[:1].repeat(3, axis=0), atol=1e-12)
-            apart.append(cell[0] / [sigma.uv_m, sigma.uv_m, sigma.theta_rad])
+            apart.append(cell[0] / [uv_mm / 1e3, uv_mm / 1e3, np.radians(theta_deg)])
     for axis in np.transpose(apart):
         assert np.diff(np.sort(axis)).min() > 1e-9
     assert np.all(abs(np.array(apart)) < 5)

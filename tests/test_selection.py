@@ -3,6 +3,8 @@
 import collections
 import functools
 import itertools
+import os
+import signal
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from graspfn.meshes.errors import MeshError
 from graspfn.meshes.mass import solid
 from graspfn.params import Compute, Meshes
 from graspfn.selection.procedural import CATEGORIES, generate
-from graspfn.selection.selection import select
+from graspfn.selection.selection import one_by_one, select
 from graspfn.selection.signature import TOLERANCE
 from graspfn.workflow.parallel import map_in_order
 
@@ -188,6 +190,32 @@ def test_the_number_of_workers_changes_nothing(shapes):
                 assert np.array_equal(a.vertices, b.vertices)
                 assert np.array_equal(a.faces, b.faces)
     assert alone.rejects == spread.rejects
+
+
+def kill_or_make(how, make, candidate, *arguments):
+    """Stands for a native library that one of the meshes takes down, and its process with it."""
+    if candidate.name.endswith("box_10.off"):
+        if how == "kill":
+            os.kill(os.getpid(), signal.SIGSEGV)
+        raise RuntimeError(f"{candidate.id}: killed its worker process 3 times")
+    return make(candidate, *arguments)
+
+
+def test_a_mesh_that_kills_its_worker_is_turned_down_and_no_other(shapes):
+    """Nor does anything else change, whatever ran beside it."""
+    wanted, found = meshes("folder", 5, 4, shapes), []
+    for workers in (0, 1, 3):
+        compute = Compute(address=None, workers=workers, device="cpu", checkpoint_s=60.0, loaders=0)
+        over = functools.partial(map_in_order, compute=compute, label="test") if workers else one_by_one
+        how = "kill" if workers else "raise"
+
+        def made(make, tasks, count, over=over, how=how):
+            return over(functools.partial(kill_or_make, how, make), tasks, count)
+
+        selection = select(wanted, 3, made)
+        found.append((ids(selection.train), ids(selection.test), selection.rejects))
+    assert found[0] == found[1] == found[2]
+    assert [reject["name"].rpartition("/")[2] for reject in found[0][2]] == ["box_10.off"]
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,14 @@
 """A collision mesh has few faces and stays within its tolerance of the mesh, measured by brute force."""
 
 import itertools
+from types import SimpleNamespace
 
+import fast_simplification
 import numpy as np
 import pytest
 import trimesh
 
+from graspfn.selection import collision
 from graspfn.selection.collision import collision_mesh, outside
 from graspfn.selection.procedural import CATEGORIES, generate
 
@@ -69,6 +72,23 @@ def test_a_crate_of_crossing_sheets_has_fewer_too():
     assert len(simple.faces) < 0.8 * len(mesh.faces)
     assert farthest(mesh.vertices[::40], simple) <= TOLERANCE + 1e-9
     assert farthest(simple.vertices[::40], mesh) <= TOLERANCE + 1e-9
+
+
+def test_every_attempt_has_a_good_many_more_faces_than_the_last(monkeypatch):
+    """Where no further edge can be collapsed, asking for a face more gives the same mesh again."""
+    made = []
+
+    def simplify(vertices, faces, **options):
+        result = fast_simplification.simplify(vertices, faces, **options)
+        made.append(len(result[1]))
+        return result
+
+    monkeypatch.setattr(collision, "fast_simplification", SimpleNamespace(simplify=simplify))
+    collision_mesh(egg_crate(10), FACES, TOLERANCE)
+    second = made.index(made[0], 1)  # the corners drawn together, from the start again
+    for attempts in (made[:second], made[second:]):
+        assert len(attempts) > 3
+        assert min(np.array(attempts[1:]) / attempts[:-1]) > 1.4
 
 
 @pytest.mark.parametrize("tolerance", [1e-4, 3e-3, 0.05])

@@ -4,12 +4,14 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import trimesh
 
 from graspfn.meshes.errors import MeshError, RejectedMeshError
 from graspfn.selection.folder import Folder, class_of
 from graspfn.selection.modelnet import ModelNet
+from graspfn.workflow.files import write_parquet
 
 RNG = np.random.default_rng(0)
 FILES = ("train/{}_0001.off", "train/{}_0002.off", "test/{}_0003.off")
@@ -84,6 +86,18 @@ def test_ids_are_file_names_whatever_the_files_are_called(tmp_path):
     assert candidate.id.startswith("folder-gr_e_1-")
     assert candidate.category == "Kaffee Tassen"
     assert Folder(tmp_path).load(candidate, RNG).volume == pytest.approx(1)
+
+
+@pytest.mark.parametrize("source", [Folder, ModelNet])
+def test_names_that_are_no_utf8_can_be_written_to_a_table_and_their_meshes_read(tmp_path, source):
+    names = [f"caf\udce9/train/{name}.off" for name in ("\udce9", "\udce8", "a")]
+    folder_of(tmp_path / "meshes", names)
+    source = source(tmp_path / "meshes")
+    found = list(source.candidates("train", 0, "shape"))
+    table = pd.DataFrame([vars(candidate) for candidate in found])
+    write_parquet(tmp_path / "t.parquet", table)
+    assert pd.read_parquet(tmp_path / "t.parquet").equals(table)
+    assert sorted(source.load(candidate, RNG).volume for candidate in found) == pytest.approx([1, 2, 3])
 
 
 def test_one_more_file_leaves_the_order_of_the_others(tmp_path):

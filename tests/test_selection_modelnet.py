@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from physics_params import PARAMS, PHYSICS, SETTLE
 
+from graspfn.formats.reading import read_mesh
 from graspfn.geometry.transforms import apply
 from graspfn.meshes.placed import RESTING
 from graspfn.physics.settling import settle
 from graspfn.selection.candidate import Candidate
 from graspfn.selection.files import files_of
-from graspfn.selection.reading import read_mesh
 from graspfn.selection.selection import make_object
 
 SAMPLES = Path(__file__).parents[1] / "../shared/data/modelnet_off"

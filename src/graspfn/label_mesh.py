@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
 import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tqdm import tqdm
 
+from graspfn.formats.reading import read_mesh
 from graspfn.geometry import grid
 from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.render import renderer
-from graspfn.meshes.errors import MeshError, RejectedMeshError
+from graspfn.meshes.errors import MeshError, RejectedMeshError, printable
 from graspfn.meshes.mass import mass_properties
 from graspfn.meshes.placed import RESTING, Resting
 from graspfn.params import Compute, Params
 from graspfn.physics.labelling import Labels, joined, label_object
 from graspfn.physics.settling import settle
-from graspfn.physics.world import GraspWorld, Rig
+from graspfn.physics.world import GraspWorld, Rig, TableWorld
 from graspfn.reporting.figures_functions import draw_grasp_function
 from graspfn.reporting.figures_images import draw_depth
 from graspfn.reporting.figures_scenes import draw_simulated_grasp, film_scenes
@@ -26,7 +32,6 @@ from graspfn.reporting.film import film_best_grasp
 from graspfn.reporting.style import png_bytes
 from graspfn.seeds import generator
 from graspfn.selection.cleaning import clean
-from graspfn.selection.reading import read_mesh
 from graspfn.selection.selection import at_scale
 from graspfn.workflow.files import write_npz
 from graspfn.workflow.parallel import map_objects
@@ -53,11 +58,10 @@ def label_mesh(path: Path, out: Path, params: Params, seed: int, size_cm: float 
 
     size_cm: the largest extent to scale the mesh to; None takes its unit for metres. MeshError says what is wrong.
     """
-    resting, about = _resting(path, params, seed, size_cm)
     rig = Rig(params.physics, params.gripper, params.attempt)
-    GraspWorld(resting, rig.physics, rig.gripper)  # a gripper that cannot be shows here
     camera, attempts = Intrinsics.from_params(params.camera), params.label.attempts
-    depth = renderer(params.camera.renderer)(resting.mesh, resting.T_world_object, camera)
+    resting, depth, about = _apart(_resting, path, params, seed, size_cm, camera)
+    GraspWorld(resting, rig.physics, rig.gripper)  # a gripper that cannot be shows here
     try:  # before the long part, so that a folder that cannot be written shows here
         out.mkdir(parents=True, exist_ok=True)
         (out / DEPTH).write_bytes(png_bytes(draw_depth(depth, camera)))
@@ -72,7 +76,7 @@ def label_mesh(path: Path, out: Path, params: Params, seed: int, size_cm: float 
     f = labels.successes / attempts
     (out / FUNCTION).write_bytes(png_bytes(draw_grasp_function(depth, f, camera)))
     (out / FILM).unlink(missing_ok=True)  # of an earlier run
-    film = film_best_grasp(path.stem, resting, labels.successes, rig)
+    film = film_best_grasp(printable(path.stem), resting, labels.successes, rig)
     if film:
         (out / FILM).write_bytes(png_bytes(draw_simulated_grasp(film_scenes(film))))
     account = about | {
@@ -88,8 +92,26 @@ def label_mesh(path: Path, out: Path, params: Params, seed: int, size_cm: float 
     return account
 
 
-def _resting(path: Path, params: Params, seed: int, size_cm: float | None) -> tuple[Resting, dict[str, Any]]:
-    """The mesh cleaned as the selection cleans, at its size, where it came to rest; and what is to be said of it."""
+def _apart(function: Callable[..., Any], path: Path, *arguments: Any) -> Any:
+    """What a function makes of a mesh file in a process of its own, lest libraries take this one down with theirs."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([__name__])
+    line = tqdm(desc=f"{path.name}: clean and settle", bar_format="{desc}", leave=False, disable=None)
+    with line, ProcessPoolExecutor(1, context) as pool:
+        try:
+            return pool.submit(function, path, *arguments).result()
+        except BrokenProcessPool:
+            why = "a library crashed on it, or there was too little memory"
+            raise MeshError(f"{path}: the process that cleaned and settled it died ({why}); mend the mesh") from None
+
+
+def _resting(
+    path: Path, params: Params, seed: int, size_cm: float | None, camera: Intrinsics
+) -> tuple[Resting, np.ndarray, dict[str, Any]]:
+    """The mesh cleaned as the selection cleans, at its size, where it came to rest; its depth image; what to say of it.
+
+    All that a mesh not yet known to be sound goes through.
+    """
     raw = read_mesh(path)
     try:
         cleaned = clean(raw)
@@ -104,9 +126,11 @@ def _resting(path: Path, params: Params, seed: int, size_cm: float | None) -> tu
     settled = settle(mesh, params.physics, params.settle, generator(seed, "place_objects"))
     if settled.status != RESTING:
         raise MeshError(f"{path}: {settled.status}; another --seed drops it in another orientation")
+    TableWorld(mesh, params.physics, collision)  # settling takes no collision mesh
+    depth = renderer(params.camera.renderer)(mesh, settled.T_world_object, camera)
     about = {"mesh": str(path), "seed": seed, "size_m": mesh.extents.tolist(), "scale": size_m / own_m}
     about |= {"mass_kg": mass_properties(mesh, params.physics.density_kgm3)[0], "cleaning": cleaned.steps}
-    return Resting(mesh, collision, settled.T_world_object), about | {"collision_faces": len(collision.faces)}
+    return Resting(mesh, collision, settled.T_world_object), depth, about | {"collision_faces": len(collision.faces)}
 
 
 def _part(angle: int, resting: Resting, attempts: int, rig: Rig, seed: int) -> tuple[Labels, float]:
@@ -147,4 +171,4 @@ def table(account: dict[str, Any]) -> str:
     ]
     if not any(file.endswith(FILM) for file in account["files"]):
         lines.append(f"no {FILM}: none of the best poses holds at the middle of its cell")
-    return "\n".join(lines)
+    return printable("\n".join(lines))

@@ -269,7 +269,7 @@ class Compute:
     """How the work is done, never what comes out: no stage declares these keys."""
 
     address: Annotated[str | None, Key("running Dask scheduler, e.g. tcp://host:8786; null: this machine")]
-    workers: Annotated[int, Key("worker processes on this machine; 0: one per core", at_least=0)]
+    workers: Annotated[int, Key("worker processes on this machine; 0: one per core that it may use", at_least=0)]
     device: Annotated[str, Key("torch device", one_of=("auto", "cpu", "cuda", "mps"))]
     checkpoint_s: Annotated[float, Key("seconds of training between checkpoints", above=0)]
     loaders: Annotated[int, Key("processes that prepare training samples; 0: none beside the trainer", at_least=0)]

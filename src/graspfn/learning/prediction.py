@@ -16,15 +16,20 @@ from graspfn.workflow.cores import cores
 BATCH = 16
 
 
-def predict(
-    network: GraspNetwork, inputs: np.ndarray, device: torch.device | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """inputs: (M, 132, 176) float32 of `imaging.network_input` -> scores (M, 33, 44, 6) float32 in [0, 1], and uint8.
+def predict(network: GraspNetwork, inputs: np.ndarray, device: torch.device | None = None) -> np.ndarray:
+    """inputs: (M, 132, 176) float32 of `imaging.network_input` -> scores (M, 33, 44, 6) float32 in [0, 1].
 
     A pose's score is its expectation under the predicted probabilities of 0, 0.2, ..., 1: the mean success rate that
-    smoothing then averages, where the single likeliest class would jump. That class, as the paper scores (V), comes
-    second, 0 to 5. Bits do not depend on the number of cores.
+    smoothing then averages, where the single likeliest class would jump. Bits do not depend on the number of cores.
     """
+    return predict_both(network, inputs, device)[0]
+
+
+def predict_both(
+    network: GraspNetwork, inputs: np.ndarray, device: torch.device | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """As `predict`, and beside the scores the likeliest classes (M, 33, 44, 6) uint8, 0 to 5: what the paper scores by
+    (V)."""
     device = device or torch.device("cpu")
     network = network.to(device).eval()
     values = torch.linspace(0, 1, CLASSES, device=device)

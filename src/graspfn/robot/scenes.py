@@ -81,6 +81,6 @@ class Scenes:
     def _functions(self, depth: np.ndarray) -> list[GraspFunction]:
         inputs = network_input(depth, self.planner.intrinsics)[None]
         return [
-            GraspFunction(name, seed, predict(network, inputs, self.device)[0][0])
+            GraspFunction(name, seed, predict(network, inputs, self.device)[0])
             for name, (seed, network) in self.networks.items()
         ]

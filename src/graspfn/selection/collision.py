@@ -8,7 +8,8 @@ import trimesh
 from scipy.spatial import cKDTree
 
 AGGRESSION = 3  # of 10: the default of 7 departs from the mesh three times as far at equal faces
-PROBES = 200  # points of a mesh that are looked at first
+MANY = 20_000  # faces of a collision mesh: physics is slow with so many, whether or not they are the fewest
+PROBES, MORE = 200, 16  # points of a mesh that are looked at first, and how many times more each time after that
 
 
 def collision_mesh(mesh: trimesh.Trimesh, faces: int, tolerance: float) -> trimesh.Trimesh:
@@ -38,8 +39,15 @@ def _decimated(start: trimesh.Trimesh, mesh: trimesh.Trimesh, faces: int, tolera
         simple = trimesh.Trimesh(points, corners, process=False)
         if _within(simple, mesh, tolerance):
             return simple
-        faces = max(faces + faces // 2, len(corners) + 1)
-    return start if _within(start, mesh, tolerance) else mesh
+        faces = _more(faces)
+        if len(corners) >= faces:  # no further edge could be collapsed, nor can it for a few faces more
+            faces = _more(len(corners) + 1)
+    return start if start is not mesh and _within(start, mesh, tolerance) else mesh
+
+
+def _more(faces: int) -> int:
+    """How many faces to try next: from MANY up in larger steps, since every try takes up to a second."""
+    return faces + faces // 2 if faces < MANY else 3 * faces
 
 
 def _merged(mesh: trimesh.Trimesh, cell: float) -> trimesh.Trimesh:
@@ -59,9 +67,12 @@ def _merged(mesh: trimesh.Trimesh, cell: float) -> trimesh.Trimesh:
 def _within(simple: trimesh.Trimesh, mesh: trimesh.Trimesh, tolerance: float) -> bool:
     """Whether no vertex and no middle of a face of either lies farther than `tolerance` (m) from the other."""
     theirs, ours = (np.vstack([surface.vertices, surface.triangles_center]) for surface in (simple, mesh))
-    some = ours[:: len(ours) // PROBES + 1]  # most meshes that fail fail here, at little cost
-    pairs = ((some, simple), (ours, simple), (theirs, mesh))
-    return not any(outside(points, surface, tolerance).any() for points, surface in pairs)
+    probes = PROBES
+    while probes < len(ours):  # most meshes that fail fail at the first of them, at little cost
+        if outside(ours[:: len(ours) // probes + 1], simple, tolerance).any():
+            return False
+        probes *= MORE
+    return not (outside(ours, simple, tolerance).any() or outside(theirs, mesh, tolerance).any())
 
 
 def outside(points: np.ndarray, mesh: trimesh.Trimesh, tolerance: float) -> np.ndarray:

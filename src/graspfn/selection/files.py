@@ -11,8 +11,9 @@ from pathlib import Path, PurePosixPath
 
 import trimesh
 
+from graspfn.formats.known import SUFFIXES
+from graspfn.formats.reading import parse_mesh, read_mesh
 from graspfn.meshes.errors import MeshError, RejectedMeshError
-from graspfn.selection.reading import SUFFIXES, parse_mesh, read_mesh
 
 MAX_BYTES = 10**9  # of one mesh in an archive: a small zip can claim terabytes
 DAMAGE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError, RuntimeError)  # Runtime: encrypted

@@ -36,6 +36,8 @@ def check_surface(vertices: np.ndarray, faces: np.ndarray) -> float:
 
 def check_body(mesh: trimesh.Trimesh) -> None:
     """A clean mesh: reject what is flat, stretched by stray vertices, or not one body."""
+    if len(mesh.faces) == 0:
+        raise RejectedMeshError("no volume: none of it is left once it is cleaned")
     size = float(mesh.extents.max())
     if _hull_volume(mesh) <= MIN_FILL * size**3:
         raise RejectedMeshError("no volume: it is thinner than a needle, or lies in one plane")

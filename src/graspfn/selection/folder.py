@@ -9,6 +9,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 import trimesh
 
+from graspfn.meshes.errors import printable
 from graspfn.selection.candidate import Candidate, as_id, order
 from graspfn.selection.files import files_of
 
@@ -22,14 +23,15 @@ class Folder:
 
     def __init__(self, root: Path):
         self.files = files_of(root)
+        self._paths = {printable(path): path for path in self.files.names}
         self.count = float(len(self.files.names))
 
     def candidates(self, split: str, seed: int, by: str) -> Iterator[Candidate]:
-        yield from order(map(_candidate, self.files.names), split, seed, by)
+        yield from order(map(_candidate, self._paths), split, seed, by)
 
     def load(self, candidate: Candidate, rng: np.random.Generator) -> trimesh.Trimesh:
         """The mesh of a file; `rng` is not needed, since a file holds one mesh."""
-        return self.files.load(candidate.name)
+        return self.files.load(self._paths[candidate.name])
 
 
 def _candidate(name: str) -> Candidate:

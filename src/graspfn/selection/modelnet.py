@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 import trimesh
 
-from graspfn.meshes.errors import MeshError
+from graspfn.meshes.errors import MeshError, printable
 from graspfn.selection.candidate import Candidate, as_id, order
 from graspfn.selection.files import files_of
 from graspfn.selection.folder import SPLITS, class_of
@@ -28,7 +28,7 @@ class ModelNet:
         self.files = files_of(root)
         self._paths: dict[str, str] = {}  # by name: bed_0001
         for path in filter(_in_layout, self.files.names):
-            name = PurePosixPath(path).stem
+            name = printable(PurePosixPath(path).stem)
             twin = self._paths.setdefault(name, path)
             if twin != path:
                 raise MeshError(f"{root}: {name} twice, {twin} and {path}; meshes=modelnet40 takes each name once")
@@ -51,5 +51,5 @@ def _in_layout(path: str) -> bool:
 
 
 def _candidate(path: str) -> Candidate:
-    name, category = PurePosixPath(path).stem, class_of(path)
+    name, category = printable(PurePosixPath(path).stem), printable(class_of(path))
     return Candidate(f"modelnet40-{as_id(name)}", "modelnet40", name, category, category, LICENCE)

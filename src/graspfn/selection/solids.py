@@ -69,12 +69,21 @@ def _closed_pieces(mesh: trimesh.Trimesh, middle: np.ndarray) -> tuple[list[Mani
 
 def _closed(vertices: np.ndarray, faces: np.ndarray) -> Manifold | None:
     """The solid that faces bound, None where they do not close or, in part, lie on each other's backs."""
+    if not _paired(faces):
+        return None
     whole = Manifold(Mesh64(np.array(vertices, dtype=np.float64, order="C"), np.array(faces, np.uint64, order="C")))
     if whole.status() != Error.NoError:
         return None
     corners = vertices[faces]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
     return whole if whole.surface_area() > (1 - LOST) * area else None
+
+
+def _paired(faces: np.ndarray) -> bool:
+    """Whether faces (m, 3) run along every edge as often one way as the other; on some that do not, Manifold crashes
+    instead of saying so."""
+    ahead, count = np.roll(faces, -1, axis=1).astype(np.int64), int(faces.max()) + 1
+    return np.array_equal(np.sort(faces * count + ahead, axis=None), np.sort(ahead * count + faces, axis=None))
 
 
 def _has_inside(part: Manifold) -> bool:

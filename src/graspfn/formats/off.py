@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import io
 import re
 
 import numpy as np
 import trimesh
+
+from graspfn.formats.polygons import triangles
 
 POINTS_NOTE = "hull of a list of points"
 HEADER = re.compile(r"(?:ST)?C?N?OFF(.*)", re.IGNORECASE)  # with texture, colours, normals: extra columns, passed over
@@ -26,9 +27,15 @@ def read_off(data: bytes) -> trimesh.Trimesh:
         lines = [header[1].strip(), *lines[1:]] if header[1].strip() else lines[1:]
     elif not _integers(lines[:1]):
         return _hull(lines)
-    _check_counts(lines)
-    text = "\n".join(["OFF", *lines])
-    return trimesh.load_mesh(io.BytesIO(text.encode()), file_type="off", process=False)
+    if not _integers(lines):
+        raise ValueError("no counts of vertices and faces after OFF")
+    count, faces = (int(word) for word in lines[0].split()[:2])
+    found = len(lines) - 1
+    if found < count + faces:
+        raise ValueError(f"cut short: {count} vertices and {faces} faces declared, {found} lines of them there")
+    vertices = np.array([line.split()[:3] for line in lines[1 : 1 + count]], dtype=np.float64).reshape(-1, 3)
+    polygons = [_corners(line) for line in lines[1 + count : 1 + count + faces]]
+    return trimesh.Trimesh(vertices, triangles(vertices, polygons), process=False)
 
 
 def _integers(lines: list[str]) -> bool:
@@ -36,18 +43,13 @@ def _integers(lines: list[str]) -> bool:
     return bool(lines) and re.fullmatch(r"\d+\s+\d+(\s+\d+)?", lines[0]) is not None
 
 
-def _check_counts(lines: list[str]) -> None:
-    """ValueError unless all is there that the counts declare; trimesh would take what there is."""
-    if not _integers(lines):
-        raise ValueError("no counts of vertices and faces after OFF")
-    vertices, faces = (int(word) for word in lines[0].split()[:2])
-    found = len(lines) - 1
-    if found < vertices + faces:
-        raise ValueError(f"cut short: {vertices} vertices and {faces} faces declared, {found} lines of them there")
-    for line in lines[1 + vertices : 1 + vertices + faces]:
-        words = line.split()
-        if len(words) <= int(words[0]):
-            raise ValueError(f"cut short: a face says {line!r}")
+def _corners(line: str) -> list[int]:
+    """The corners of a face: how many they are, which vertices, and perhaps a colour."""
+    words = line.split()
+    corners = [int(word) for word in words[1 : int(words[0]) + 1]]
+    if len(corners) < int(words[0]):
+        raise ValueError(f"cut short: a face says {line!r}")
+    return corners
 
 
 def _hull(lines: list[str]) -> trimesh.Trimesh:
