@@ -1,4 +1,4 @@
-"""Which trials succeeded and how far the gripper missed its pose, from the recordings alone (paper V-B)."""
+"""Which trials succeeded and how far the gripper missed its pose, from the recordings alone (paper VII-B)."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Draw the shifts, rotations and noise seeds of the augmented training samples (paper V)."""
+"""Draw the shifts, rotations and noise seeds of the augmented training samples (paper VII)."""
 
 from pathlib import Path
 

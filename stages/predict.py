@@ -1,4 +1,4 @@
-"""Predict the grasp function of every noisy test image with one network (paper IV, V-A)."""
+"""Predict the grasp function of every noisy test image with one network (paper V, VII-A)."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Pre-train a network to tell the classes of the training objects apart (paper V)."""
+"""Pre-train a network to tell the classes of the training objects apart (paper VII)."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Render depth images: training objects in the middle, test objects at random placements (paper III-B, V-A)."""
+"""Render depth images: training objects in the middle, test objects at random placements (paper IV-B, VII-A)."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Draw the objects to train on and to test on, each with a size (paper III)."""
+"""Draw the objects to train on and to test on, each with a size (paper IV-C, VII)."""
 
 import functools
 from pathlib import Path

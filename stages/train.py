@@ -1,4 +1,4 @@
-"""Train a network to predict the grasp function from a depth image (paper IV)."""
+"""Train a network to predict the grasp function from a depth image (paper V)."""
 
 from pathlib import Path
 

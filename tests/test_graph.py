@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import ast
+import contextlib
+import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
 import yaml
+from dvc.repo import Repo
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "graspfn"
@@ -107,3 +111,71 @@ def test_every_room_is_known() -> None:
 
 def test_params_module_computes_nothing_that_stages_would_not_see() -> None:
     assert imports(PACKAGE / "params.py") == set()
+
+
+LABELS = ("label_grasps@train", "label_grasps@test")
+
+
+@pytest.fixture(scope="module")
+def labelled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the project in which everything up to the labels counts as made; its files say nothing."""
+    folder = tmp_path_factory.mktemp("labelled")
+    for name in ("src/graspfn", "stages", "inputs"):
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("dvc.yaml", "params.yaml", ".dvcignore", ".dvc/config"):
+        (folder / name).parent.mkdir(exist_ok=True)
+        shutil.copy(ROOT / name, folder / name)
+    subprocess.run(["git", "init", "-q"], cwd=folder, check=True)
+    with contextlib.chdir(folder), Repo() as repo:
+        for stage in LABELS:
+            for made in repo.stage.collect(stage, with_deps=True):
+                for out in made.outs:
+                    path = Path(out.fs_path)
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                    path.write_text(path.name)
+            repo.commit(stage, with_deps=True, force=True)
+    return folder
+
+
+def changed(folder: Path) -> set[str]:
+    """The stages, of labelling and those before it, that `dvc status` finds changed."""
+    with contextlib.chdir(folder), Repo() as repo:
+        return {name.rpartition(":")[2] for name in repo.status(list(LABELS), with_deps=True)}
+
+
+QUIET = "workflow imaging learning planning evaluation robot reporting params.py compose.py cli.py label_mesh.py"
+
+
+# DVC asks pygtrie for what it will one day no longer give.
+@pytest.mark.filterwarnings("ignore:_NoneStep:DeprecationWarning")
+@pytest.mark.parametrize(
+    ("edited", "stages"),
+    [
+        ("", set()),
+        ("imaging/camera.py imaging/warp.py", set()),
+        (QUIET, set()),
+        ("selection", {"select_meshes"}),
+        ("physics/attempt.py", {"place_objects", *LABELS}),
+        ("geometry/grid.py", {"place_objects", *LABELS}),
+        ("meshes/placed.py", {"select_meshes", "place_objects", *LABELS}),
+        ("seeds.py", {"select_meshes", "place_objects", *LABELS}),
+    ],
+)
+def test_labels_depend_on_physics_and_little_else(labelled: Path, edited: str, stages: set[str]) -> None:
+    paths = [labelled / "src/graspfn" / name for name in edited.split()]
+    files = [file for path in paths for file in ([path] if path.is_file() else sorted(path.rglob("*.py")))]
+    assert all(path.exists() for path in paths)
+    before = [file.read_text() for file in files]
+    for file in files:
+        file.write_text(file.read_text() + "\n# edited\n")
+    try:
+        assert changed(labelled) == stages
+    finally:
+        for file, text in zip(files, before, strict=True):
+            file.write_text(text)
+
+
+def test_only_quiet_rooms_can_be_edited_without_labels() -> None:
+    """Every room and module is in the list of those that leave labels alone, or in what labels are made of."""
+    everything = {*ROOMS, *(path.name for path in PACKAGE.glob("*.py") if path.name != "__init__.py")}
+    assert everything - set(QUIET.split()) == used("label_grasps") | {"selection"}

@@ -64,7 +64,7 @@ class Key:
 
 @dataclass(frozen=True)
 class Meshes:
-    """Where objects come from and how many (paper III, 'Objects were selected ...')."""
+    """Where objects come from (paper IV-C, 'Objects were selected ...') and how many (VII)."""
 
     source: Annotated[str, Key("source", one_of=SOURCES)]
     folder: Annotated[str, Key("directory or .zip of mesh files, for sources folder and modelnet40")]
@@ -83,7 +83,7 @@ class Meshes:
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole looking straight down at the table; its height follows from px_per_cell = 10 mm."""
+    """A pinhole looking straight down at the table (paper III); its height follows from px_per_cell = 10 mm."""
 
     width_px: Annotated[int, Key("image width, px", at_least=616)]
     height_px: Annotated[int, Key("image height, px", at_least=462)]
@@ -93,7 +93,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Noise:
-    """Depth noise of the paper's eq. 2."""
+    """Depth noise of the paper's eq. 2 (IV-B)."""
 
     sigma_p_px: Annotated[float, Key("std of pixel localisation, px", at_least=0)]
     sigma_d_mm: Annotated[float, Key("std of the depth measurement, mm", at_least=0)]
@@ -117,7 +117,7 @@ class Gripper:
 
 @dataclass(frozen=True)
 class RevoluteGripper(Gripper):
-    """A hand moved kinematically, two fingers on revolute joints under constant torque (paper III-A)."""
+    """A hand moved kinematically, two fingers on revolute joints under constant torque (paper IV-A)."""
 
     knuckle_mm: Annotated[float, Key("distance between the two finger joints, mm", above=0)]
     finger_inertia_kgm2: Annotated[float, Key("moment of inertia of a finger about its joint, kg m^2", above=0)]
@@ -161,7 +161,7 @@ class Settle:
 
 @dataclass(frozen=True)
 class Attempt:
-    """One grasp: close for a fixed time, rise at constant speed (paper III-A)."""
+    """One grasp: close for a fixed time, rise at constant speed (paper IV-A)."""
 
     close_s: Annotated[float, Key("time for the fingers to close before the hand rises, s", above=0)]
     lift_mm: Annotated[float, Key("rise of the hand, mm", above=0)]
@@ -170,7 +170,7 @@ class Attempt:
 
 @dataclass(frozen=True)
 class Label:
-    """Labelling of every pose of Q (paper III-C)."""
+    """Labelling of every pose of Q (paper IV-C)."""
 
     attempts: Annotated[int, Key("attempts per pose, drawn uniformly inside its cell", at_least=1, at_most=255)]
     test: Annotated[
@@ -181,7 +181,7 @@ class Label:
 
 @dataclass(frozen=True)
 class Augment:
-    """Random shifts and rotations of each training image (paper V)."""
+    """Random shifts and rotations of each training image (paper VII)."""
 
     samples: Annotated[int, Key("augmented samples per training image", at_least=1)]
 
@@ -206,7 +206,7 @@ class AlexNet(Network):
 
 @dataclass(frozen=True)
 class Pretrain:
-    """Object classification before the grasp function (paper V)."""
+    """Object classification before the grasp function (paper VII)."""
 
     epochs: Annotated[float, Key("passes over the augmented training set; 0 leaves it out", at_least=0)]
     batch_size: Annotated[int, Key("samples per gradient step", at_least=1)]
@@ -214,7 +214,7 @@ class Pretrain:
 
 @dataclass(frozen=True)
 class Train:
-    """Learning the grasp function (paper IV)."""
+    """Learning the grasp function (paper V)."""
 
     epochs: Annotated[float, Key("passes over the augmented training set", above=0)]
     batch_size: Annotated[int, Key("samples per gradient step", at_least=1)]
@@ -222,7 +222,7 @@ class Train:
 
 @dataclass(frozen=True)
 class Plan:
-    """Refinement of the commanded pose below the spacing of Q (paper IV, 'trilinear interpolation')."""
+    """Refinement of the commanded pose below the spacing of Q (paper VI, 'trilinear interpolation')."""
 
     fine_uv: Annotated[int, Key("refined positions per 10 mm cell", at_least=1)]
     fine_theta: Annotated[int, Key("refined angles per 30 degree cell", at_least=1)]
@@ -230,7 +230,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Evaluate:
-    """The uncertainties of Table 1, and how often each test object meets them."""
+    """The uncertainties of Table 1 (paper VII-A), and how often each test object meets them."""
 
     sigma_uv_mm: Annotated[tuple[float, ...], Key("std of the reached position, mm", at_least=0)]
     sigma_theta_deg: Annotated[tuple[float, ...], Key("std of the reached angle, degrees", at_least=0)]
@@ -240,7 +240,7 @@ class Evaluate:
 
 @dataclass(frozen=True)
 class Robot:
-    """The trials of Table 2, run by the simulated robot or read from a folder of recordings."""
+    """The trials of Table 2 (paper VII-B), run by the simulated robot or read from a folder of recordings."""
 
     source: Annotated[str, Key("who recorded the trials", one_of=("simulated", "folder"))]
     folder: Annotated[str, Key("directory of .mcap files, for source: folder")]

@@ -1,1 +1,1 @@
-"""Simulated trials and the statistics of their outcomes (paper V-A)."""
+"""Simulated trials and the statistics of their outcomes (paper VII-A)."""

@@ -1,1 +1,1 @@
-"""Depth images: rendering, the noise model, hole filling, the network's input (paper III-B, IV)."""
+"""Depth images: rendering, the noise model, hole filling, the network's input (paper IV-B, V, VI)."""

@@ -1,4 +1,4 @@
-"""The pixels for which a depth camera gave no depth, and filling them (paper IV)."""
+"""The pixels for which a depth camera gave no depth, and filling them (paper VI)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The noise of a structured-light depth camera, eq. 2 of the paper."""
+"""The noise of a structured-light depth camera, eq. 2 of the paper (IV-B)."""
 
 from __future__ import annotations
 

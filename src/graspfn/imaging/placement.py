@@ -1,4 +1,4 @@
-"""Random placements of an object that stay in the camera's view (paper V)."""
+"""Random placements of an object that stay in the camera's view (paper VII, VII-A)."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Learning the grasp function: augmentation, networks, training (paper IV, V)."""
+"""Learning the grasp function: networks and training, augmentation and pre-training (paper V, VII)."""

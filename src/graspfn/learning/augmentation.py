@@ -1,4 +1,4 @@
-"""The table of augmented samples (paper V): each training image shifted and turned many times."""
+"""The table of augmented samples (paper VII): each training image shifted and turned many times."""
 
 from __future__ import annotations
 

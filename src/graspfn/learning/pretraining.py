@@ -1,4 +1,4 @@
-"""Pre-training (paper V): telling classes of objects apart, before learning to grasp them."""
+"""Pre-training (paper VII): telling classes of objects apart, before learning to grasp them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Learning by gradient descent: one loop, for the grasp function (paper IV) and for pre-training.
+"""Learning by gradient descent: one loop, for the grasp function (paper V) and for pre-training.
 
 A run is a pure function of its seed, data, parameters, device kind and number of threads (sums over a batch depend on
 how threads share it, hence the argument): sample order and dropout masks are drawn from (seed, step), so that a run
@@ -82,8 +82,8 @@ class Descent:
 def grasp_loss(logits: torch.Tensor, classes: torch.Tensor) -> torch.Tensor:
     """Cross-entropy, averaged over images and poses; logits (B, 33, 44, 6, 6), classes (B, 33, 44, 6) uint8.
 
-    The paper prints its loss without a logarithm, as the probability of the right class: minimised, that would drive
-    the right class away. Cross-entropy is what the text describes.
+    The paper prints its loss (eq. 3) without a logarithm, as the probability of the right class: minimised, that would
+    drive the right class away. Cross-entropy is what the text describes.
     """
     return functional.cross_entropy(logits.reshape(-1, CLASSES), classes.reshape(-1).long())
 

@@ -1,4 +1,4 @@
-"""The mass, centre and inertia of an object of uniform density (paper III-A, 'object density')."""
+"""The mass, centre and inertia of an object of uniform density (paper IV-A, 'object density')."""
 
 from __future__ import annotations
 

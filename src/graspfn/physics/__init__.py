@@ -1,1 +1,1 @@
-"""DART: the gripper, the world, settling an object, one attempt, labelling a whole object (paper III-A, III-C)."""
+"""DART: the gripper, the world, settling an object, one attempt, labelling a whole object (paper IV-A, IV-C)."""

@@ -1,4 +1,4 @@
-"""One grasp attempt: close under constant torque, rise 20 cm, still held? (paper III-A, III-C)."""
+"""One grasp attempt: close under constant torque, rise 20 cm, still held? (paper IV-A, IV-C)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The skeletons of a grasp's world: table, object and gripper (paper III-A)."""
+"""The skeletons of a grasp's world: table, object and gripper (paper IV-A)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A hand moved kinematically and two fingers under constant torque or force (paper III-A): where its parts are.
+"""A hand moved kinematically and two fingers under constant torque or force (paper IV-A): where its parts are.
 
 Hand frame: x closes the jaws, z points up, the origin lies on the table below the hand's axis (the frame of
 `geometry.transforms.T_world_grasp`). Sides are -1 (left) and 1 (right). The position of a finger's joint, radians or

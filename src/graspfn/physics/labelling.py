@@ -1,4 +1,4 @@
-"""Grasp attempts at every pose of Q of one object (paper III-C)."""
+"""Grasp attempts at every pose of Q of one object (paper IV-C)."""
 
 from __future__ import annotations
 

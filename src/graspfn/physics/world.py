@@ -1,4 +1,4 @@
-"""The DART world of a grasp: a table, one object, and the gripper (paper III-A)."""
+"""The DART world of a grasp: a table, one object, and the gripper (paper IV-A)."""
 
 from __future__ import annotations
 

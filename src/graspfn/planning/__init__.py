@@ -1,1 +1,1 @@
-"""From a grasp function to a pose: smoothing with Sigma, refinement, the Centroid baseline (paper IV, V-A)."""
+"""From a grasp function to a pose: smoothing with Sigma, refinement, the Centroid baseline (paper VI, VII-A)."""

@@ -1,4 +1,4 @@
-"""The Centroid baseline (paper V-A): grasp the middle of what is seen, jaws across its longest direction.
+"""The Centroid baseline (paper VII-A): grasp the middle of what is seen, jaws across its longest direction.
 
 The paper takes the centroid of the image. Here the pixels are first put back into space with their depth: a tall
 object's top is magnified and pushed away from the image centre by perspective, and a centroid of pixels would aim

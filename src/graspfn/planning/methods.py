@@ -1,4 +1,4 @@
-"""From a grasp function to the pose to command: Best Grasp and Robust Best Grasp (paper V-A).
+"""From a grasp function to the pose to command: Best Grasp and Robust Best Grasp (paper VII-A).
 
 Where no pose has a score above 0 there is nothing to choose by, and no grasp: a method then gives None, as Centroid
 does over an empty table, and whoever executes poses says that none was tried.

@@ -1,4 +1,4 @@
-"""The robust grasp function (paper IV): f with the gripper's pose uncertainty marginalised out, at any pose.
+"""The robust grasp function (paper VI): f with the gripper's pose uncertainty marginalised out, at any pose.
 
 The grasp function is known at the poses of Q. Between them it is taken as trilinear, outside Q's extents in (u, v)
 it falls to 0 within one cell (a pose that was never tested is not one to rely on), and theta wraps at a half turn.

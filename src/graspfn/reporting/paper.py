@@ -1,8 +1,25 @@
-"""The success rates that the paper prints (Johns, Leutenegger, Davison, IROS 2016, Tables I and II)."""
+"""What the paper prints (Johns, Leutenegger, Davison, IROS 2016): its sections, the success rates of its tables."""
 
 from __future__ import annotations
 
 import math
+
+# By the paper's own commands; tests/test_citations.py holds every citation to them.
+SECTIONS = {
+    "I": "Introduction",
+    "II": "Related work",
+    "III": "Defining a target pose",
+    "IV": "Generating training data",
+    "IV-A": "Physics simulation",
+    "IV-B": "Image simulation",
+    "IV-C": "Grasp synthesis",
+    "V": "Learning the grasp function",
+    "VI": "Grasp execution",
+    "VII": "Experiments",
+    "VII-A": "Simulation",
+    "VII-B": "Real-world grasping",
+    "VIII": "Conclusions",
+}
 
 # Rows of Table I: sigma_theta 10, 20, 30, 40 degrees; within each, sigma_uv 5, 10, 15, 20 mm.
 _TABLE_1 = {

@@ -1,1 +1,1 @@
-"""Robot recordings in MCAP: written by a simulated robot, read and analysed whoever wrote them (paper V-B)."""
+"""Robot recordings in MCAP: written by a simulated robot, read and analysed whoever wrote them (paper VII-B)."""

@@ -1,4 +1,4 @@
-"""From recordings to a table of trials and the pose uncertainty that the robot showed (paper V-B).
+"""From recordings to a table of trials and the pose uncertainty that the robot showed (paper VII-B).
 
 The paper measures its arm's uncertainty from commanded and achieved poses; so does this, with the interval that the
 number of trials allows. Sigma is the spread about the mean error: a constant offset is a fault of calibration that a

@@ -1,4 +1,4 @@
-"""The pixels that a structured-light depth camera would not measure (paper IV, 'depth shadows').
+"""The pixels that a structured-light depth camera would not measure (paper VI, 'depth shadows').
 
 A Carmine's infra-red projector sits 75 mm beside its infra-red camera. What the camera sees but the projector does
 not light has no depth: a shadow on the far side of the object. The simulated robot's images get these holes, so that

@@ -1,4 +1,4 @@
-"""The simulated robot (paper V-B with DART for a table): sees, plans, misses by Sigma, grasps, and records it all."""
+"""The simulated robot (paper VII-B with DART for a table): sees, plans, misses by Sigma, grasps, and records it all."""
 
 from __future__ import annotations
 

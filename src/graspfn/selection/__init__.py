@@ -1,1 +1,1 @@
-"""Choosing objects: sources of meshes, cleaning, scaling, the train/test split (paper III)."""
+"""Choosing objects: sources of meshes, cleaning, scaling, the train/test split (paper IV-C, VII)."""

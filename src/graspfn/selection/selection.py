@@ -1,4 +1,4 @@
-"""Drawing the objects to train on and other objects to test on, and giving each a size (paper III and V)."""
+"""Drawing the objects to train on and other objects to test on, and giving each a size (paper IV-C, VII)."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The plumbing of the stages: seeds, atomic files, per-object shards, parallel maps."""
+"""The plumbing of the stages: atomic files, per-object shards, parallel maps. It cannot change a result."""
