@@ -44,7 +44,9 @@ def points(plans: pd.DataFrame) -> pd.DataFrame:
     n = grouped.size()
     for name in ("of_trials", "of_expected"):
         table[name] = np.sqrt(grouped[name].sum()) / n
-    return table.assign(n=n).reset_index().sort_values("method", key=lambda names: names.map(METHODS.index))
+    table = table.assign(n=n).reset_index()
+    order = table["method"].map(METHODS.index)
+    return table.assign(order=order).sort_values(["order", "network", *CELL], ignore_index=True).drop(columns="order")
 
 
 def check_expected(plans: pd.DataFrame) -> Check:

@@ -7,7 +7,8 @@ import shutil
 from pathlib import Path
 
 from graspfn.reporting import layout, tables
-from graspfn.reporting.figures.registry import draw_all
+from graspfn.reporting.figures import success
+from graspfn.reporting.figures.registry import by_success, draw_all
 from graspfn.reporting.figures.style import save_plate
 from graspfn.reporting.inputs import ReportInputs
 from graspfn.reporting.metrics import metrics
@@ -15,7 +16,10 @@ from graspfn.reporting.page import Picture, render_page
 
 
 def write_tables(inputs: ReportInputs, tables1: tables.Tables1, folder: Path) -> list[layout.Layout]:
-    """table{1,2} as .csv, .md and .tex; returns the layouts of Table 1's means, Table 1 and Table 2."""
+    """table{1,2} as .csv, .md and .tex; and what `dvc plots` draws of Table 1.
+
+    Returns the layouts of Table 1's means, Table 1 and Table 2.
+    """
     scale, table2 = inputs.params.scale, tables.table2(inputs.robot_trials)
     means = layout.layout_means(tables1.means, tables.caption_means(tables1.means))
     laid_out = {
@@ -27,13 +31,15 @@ def write_tables(inputs: ReportInputs, tables1: tables.Tables1, folder: Path) ->
         table.to_csv(folder / f"{name}.csv", index=False, float_format="%.6g", lineterminator="\n")
         (folder / f"{name}.md").write_text(layout.to_markdown(shown), encoding="utf-8")
         (folder / f"{name}.tex").write_text(layout.to_tex(shown, f"tab:{name}"), encoding="utf-8")
+    series = success.series(tables1.cells, by_success(tables1.cells)[0])
+    series.to_csv(folder / "success_vs_sigma_uv.csv", index=False, float_format="%.6g", lineterminator="\n")
     with (folder / "table1.md").open("a", encoding="utf-8") as file:
         file.write("\n" + layout.to_markdown(means))
     return [means, *laid_out.values()]
 
 
 def write_report(inputs: ReportInputs, folder: Path) -> None:
-    """Write table{1,2}.{csv,md,tex}, figures/*.{png,pdf}, metrics.json and index.html into `folder`.
+    """Write tables, figures/*.{png,pdf}, metrics.json and index.html into `folder`.
 
     Equal inputs give equal bytes. Figures of an earlier report are removed.
     """

@@ -9,33 +9,34 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from graspfn.evaluation.expected import FEW
+from graspfn.planning.methods import LIKELIEST
 from graspfn.reporting.expectation import check_expected, points
-from graspfn.reporting.figures.style import COLUMN_IN, Plate, new_figure, styled
+from graspfn.reporting.figures.style import COLOURS, COLUMN_IN, Plate, new_figure, styled
 from graspfn.reporting.tables import floor_and_ceiling, full_name
 
-# Of methods by network; hues of Okabe and Ito.
-HUES = ("#4D4D4D", "#0072B2", "#56B4E9", "#D55E00", "#E69F00", "#009E73", "#CC79A7", "#F0E442")
-SHAPES = "^soDvPX*"
+HUES = {LIKELIEST: "#0072B2"} | COLOURS
+SHAPES = "osDvPX*"  # of networks
 
 
 @styled
 def draw_expected_against_trials(table: pd.DataFrame) -> Figure:
     """A mark for each method in each cell, with standard errors either way; table: as `points` has them."""
-    figure = new_figure(COLUMN_IN + 2.6, COLUMN_IN + 0.2)
+    figure = new_figure(COLUMN_IN + 1.6, COLUMN_IN + 1.2)
     axes = figure.subplots()
     axes.plot([0, 1], [0, 1], color="0.6", linewidth=0.8)
-    for i, ((method, network), own) in enumerate(table.groupby(["method", "network"], sort=False)):
+    shapes = {network: SHAPES[i % len(SHAPES)] for i, network in enumerate(sorted(set(table["network"]) - {""}))}
+    for (method, network), own in table.groupby(["method", "network"], sort=False):
         axes.errorbar(
-            own["expected"], own["success"], own["of_trials"], own["of_expected"], color=HUES[i % len(HUES)],
-            marker=SHAPES[i % len(SHAPES)], markersize=4, linestyle="none", elinewidth=0.6,
+            own["expected"], own["success"], own["of_trials"], own["of_expected"], color=HUES[str(method)],
+            marker=shapes.get(network, "^"), markersize=4, linestyle="none", elinewidth=0.6,
             label=full_name(str(method), str(network)),
         )  # fmt: skip
     reach = np.concatenate([table["expected"], table["success"]])
-    low, high = max(0.0, reach.min() - 0.08), min(1.0, reach.max() + 0.08)
+    low, high = max(0.0, reach.min() - 0.08), min(1.03, reach.max() + 0.08)
     axes.set(xlim=(low, high), ylim=(low, high), aspect="equal")
     axes.set(xlabel="expected, from the attempts of the labels", ylabel="success in the trials")
     axes.grid()
-    figure.legend(loc="outside right upper")
+    axes.legend(loc="lower right", frameon=True, edgecolor="none")
     return figure
 
 

@@ -24,6 +24,7 @@ def draw_object_sizes(table: pd.DataFrame) -> Figure:
         axes.hist(100 * own["drawn_m"], edges, histtype="step", color=BEST, linestyle="--", label="as drawn")
         axes.hist(100 * own["placed_m"].dropna(), edges, color=ROBUST, alpha=0.55, label="as placed")
         axes.set(title=f"{split}: {len(own):,} objects", xlabel="largest extent (cm)", xlim=(edges[0], edges[-1]))
+        axes.set_xticks(np.arange(0, edges[-1] + 1, 5))
         axes.yaxis.get_major_locator().set_params(integer=True)
         axes.set_ylabel("objects")
         axes.legend()

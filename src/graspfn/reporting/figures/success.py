@@ -21,6 +21,7 @@ from graspfn.reporting.tables import block_names, floor_and_ceiling, what_interv
 CEILING = "true function"
 SHOWN = (CENTROID, BEST, ROBUST)
 BIN_MM = 20.0
+TOP = 1.03  # of an axis of rates: a mark at 1 stays whole
 NEAR_CELLS = ((5.0, 10.0), (20.0, 10.0))  # sigma_uv [mm], sigma_theta [deg], or what is nearest to them
 
 
@@ -44,8 +45,11 @@ def _curve(axes: Axes, x: np.ndarray, line: pd.DataFrame, name: str) -> None:
 
 
 @styled
-def draw_success_vs_sigma_uv(rows: pd.DataFrame, network: str) -> Figure:
-    """A panel for each sigma_theta; rows: one block of Table 1. Bands are 95% intervals, the paper's curves grey."""
+def draw_success_vs_sigma_uv(rows: pd.DataFrame, network: str, whom: str) -> Figure:
+    """A panel for each sigma_theta; rows: one block of Table 1, of the objects `whom`.
+
+    Bands are 95% intervals, the paper's curves grey.
+    """
     thetas = sorted(set(rows["sigma_theta_deg"]))
     columns = min(2, len(thetas))
     lines = -(-len(thetas) // columns)
@@ -62,7 +66,7 @@ def draw_success_vs_sigma_uv(rows: pd.DataFrame, network: str) -> Figure:
                 axes.plot(uv, line["paper"], color=PAPER, marker=MARKERS[name], markersize=4, lw=0.9, ls="--")
             _curve(axes, uv, line, name)
         axes.set_title(f"$\\sigma_\\theta$ = {theta:g}°")
-        axes.set_ylim(0, 1)
+        axes.set_ylim(0, TOP)
         axes.set_xticks(sorted(set(rows["sigma_uv_mm"])))
         axes.grid(axis="y")
     for axes in panels.flat[len(thetas) :]:
@@ -73,8 +77,18 @@ def draw_success_vs_sigma_uv(rows: pd.DataFrame, network: str) -> Figure:
         axes.set_ylabel("success rate")
     handles = _handles([name for name, own in shown.items() if len(own)])
     handles.append(Line2D([], [], color=PAPER, linestyle="--", label="paper (same markers)"))
-    figure.legend(handles=handles, loc="outside upper center", ncols=3, title=f"network: {network}")
+    figure.legend(handles=handles, loc="outside upper center", ncols=3, title=f"{network}, {whom}")
     return figure
+
+
+def series(table1: pd.DataFrame, network: str) -> pd.DataFrame:
+    """Success of every curve at every sigma_uv_mm, mean over sigma_theta, for `dvc plots`; table1: of all blocks."""
+    rows = table1[table1["objects_of"] == block_to_show(dict.fromkeys(table1["objects_of"]))]
+    shown = {
+        name.lower().replace(" ", "_"): of_method(rows, *key).groupby("sigma_uv_mm")["success"].mean()
+        for name, key in curves(network).items()
+    }
+    return pd.DataFrame(shown).reset_index()
 
 
 def nearest_cell(plans: pd.DataFrame, wanted: tuple[float, float]) -> tuple[float, float]:
@@ -121,13 +135,13 @@ def draw_success_vs_width(
             axes.errorbar(x, line["success"], bars, elinewidth=0.8, linewidth=0.8, markersize=4.5, **_look(name))
             counts |= {low: max(n, counts.get(low, 0)) for low, n in zip(line["low_mm"], line["objects"], strict=True)}
         for low, count in counts.items():
-            axes.text(low + BIN_MM / 2, 1.04, f"{count}", ha="center", va="bottom", fontsize=8, color="0.35")
+            axes.text(low + BIN_MM / 2, 1.05, f"n = {count}", ha="center", va="bottom", fontsize=8, color="0.35")
         edges = np.arange(min(counts), max(counts) + 1.5 * BIN_MM, BIN_MM)
-        axes.set(xticks=edges, xlim=(edges[0], edges[-1]), ylim=(0, 1), xlabel="narrowest width seen from above (mm)")
-        axes.set_title(f"$\\sigma_{{uv}}$ = {uv:g} mm, $\\sigma_\\theta$ = {theta:g}°", pad=16)
+        axes.set(xticks=edges, xlim=(edges[0], edges[-1]), ylim=(0, TOP), xlabel="narrowest width seen from above (mm)")
+        axes.set_title(f"$\\sigma_{{uv}}$ = {uv:g} mm, $\\sigma_\\theta$ = {theta:g}°", pad=20)
         axes.grid(axis="y")
     panels[0].set_ylabel("success rate")
-    figure.legend(handles=_handles(names), loc="outside upper center", ncols=4, title=f"network: {network}")
+    figure.legend(handles=_handles(names), loc="outside upper center", ncols=4, title=network)
     return figure
 
 
@@ -151,13 +165,13 @@ def plates(
             f"Table 1 for {network} on {whom}{theirs}: success rate against σuv, a panel for each σθ. "
             f"{floor_and_ceiling(table1)}Bands are {what_intervals_hold(rows)}. Dashed grey lines with the same "
             "markers are the paper's, on 1000 objects of its own.",
-            draw_success_vs_sigma_uv(rows, network),
+            draw_success_vs_sigma_uv(rows, network, whom),
         )
     cells = list(dict.fromkeys(nearest_cell(plans, cell) for cell in NEAR_CELLS))
     yield Plate(
         "success_vs_width",
         f"Success rate against the narrowest width of the object as it was placed, seen from above, on {whom}, in bins "
-        f"of {BIN_MM:g} mm. Small figures: objects in the bin. {floor_and_ceiling(table1)}Bars: 95% intervals from "
+        f"of {BIN_MM:g} mm. n: objects in the bin. {floor_and_ceiling(table1)}Bars: 95% intervals from "
         "resampling the objects of the bin.",
         draw_success_vs_width(found[block], widths_m, networks[0], cells),
     )
