@@ -1,4 +1,4 @@
-"""Citations of the paper name sections, equations and figures that it has, and the right ones where that can be told."""
+"""Citations of the paper name sections, equations and figures that it has, and the right ones where one can tell."""
 
 from __future__ import annotations
 
