@@ -18,8 +18,8 @@ from graspfn.reporting import (
     film,
     shading,
 )
-from graspfn.reporting.shading import TABLE, View, render_scene
-from graspfn.reporting.style import pdf_bytes, png_bytes, show_depth, square, window_round
+from graspfn.reporting.figures.shading import TABLE, View, render_scene
+from graspfn.reporting.figures.style import pdf_bytes, png_bytes, show_depth, square, window_round
 
 CAMERA = Intrinsics(640, 480, 570.0)
 RNG = np.random.default_rng(0)

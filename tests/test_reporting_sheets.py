@@ -12,8 +12,8 @@ from PIL import Image
 from graspfn.meshes.placed import placed_row, write_placed
 from graspfn.meshes.store import Object, write_objects
 from graspfn.reporting import figures_objects, shading, sheets
-from graspfn.reporting.figures_objects import HEADING_PX, WIDTH_PX, cells_for, draw_contact_sheet
-from graspfn.reporting.style import pdf_bytes, png_bytes
+from graspfn.reporting.figures.contact_sheet import HEADING_PX, WIDTH_PX, cells_for, draw_contact_sheet
+from graspfn.reporting.figures.style import pdf_bytes, png_bytes
 
 FEW = [("few_things", f"a_$_thing-{i}", category, split) for i, (category, split) in enumerate(
     [("flower_pot", "train"), ("cup", "train"), ("cup", "test"), ("flower_pot", "train"), ("bowl", "test")]

@@ -25,11 +25,11 @@ from graspfn.params import Compute, Params
 from graspfn.physics.labelling import Labels, joined, label_object
 from graspfn.physics.settling import settle
 from graspfn.physics.world import GraspWorld, Rig, TableWorld
-from graspfn.reporting.figures_functions import draw_grasp_function
-from graspfn.reporting.figures_images import draw_depth
-from graspfn.reporting.figures_scenes import draw_simulated_grasp, film_scenes
+from graspfn.reporting.figures.depth_images import draw_depth
+from graspfn.reporting.figures.grasp_functions import draw_grasp_function
+from graspfn.reporting.figures.simulated_grasps import draw_simulated_grasp, film_scenes
+from graspfn.reporting.figures.style import png_bytes
 from graspfn.reporting.film import film_best_grasp
-from graspfn.reporting.style import png_bytes
 from graspfn.seeds import generator
 from graspfn.selection.cleaning import clean
 from graspfn.selection.selection import at_scale

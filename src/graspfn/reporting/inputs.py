@@ -16,9 +16,11 @@ from graspfn.imaging.noise import observe
 from graspfn.meshes.placed import load_resting, read_resting, resting_rows
 from graspfn.meshes.store import read_manifest
 from graspfn.physics.world import Rig
-from graspfn.reporting.figures_images import ExecutedGrasp
+from graspfn.reporting.figures.depth_images import ExecutedGrasp
 from graspfn.reporting.film import Film, film_best_grasp, film_failure
 from graspfn.reporting.parameters import Parameter, flat_parameters
+from graspfn.reporting.plans import graspable_objects, plans_of
+from graspfn.reporting.sizes import widths
 from graspfn.robot.read import read_trial
 from graspfn.seeds import generator
 from graspfn.workflow.files import read_npz
@@ -64,6 +66,8 @@ class ReportInputs:
     """Everything a report shows. Tables have the columns of the stage that wrote them.
 
     manifests and placed: by split. rejects (split, source, name, class, reason): meshes turned down.
+    account, test_account: of the labels of training and test objects; graspable: those of the test objects that can be
+    held; widths_m: the narrowest width of each as it was placed, by id. plans: the trials, those of one pose together.
     films: of several objects, by whether they are "held" or "failed".
     data: where the objects' meshes and poses lie, too many to hold. stage_seconds: how long each stage took, for those
     where it is known.
@@ -78,9 +82,13 @@ class ReportInputs:
     placed: Mapping[str, pd.DataFrame]
     rejects: pd.DataFrame
     account: pd.DataFrame
+    test_account: pd.DataFrame
+    graspable: frozenset[str]
+    widths_m: Mapping[str, float]
     pretraining: Mapping[str, pd.DataFrame]
     training: Mapping[str, pd.DataFrame]
     trials: pd.DataFrame
+    plans: pd.DataFrame
     robot_trials: pd.DataFrame
     robot_uncertainty: pd.DataFrame
     labelled: LabelledExample
@@ -191,18 +199,24 @@ def load_inputs(data: Path, params: Any, stage_seconds: Mapping[str, float]) -> 
     labelled = _labelled(data, labels, params)
     networks = {network: f"{network}-{params.training_seeds[0]}" for network in params.networks}  # the first start
     robot_trials = pd.read_parquet(data / "robot_trials.parquet")
+    trials, test_account = pd.read_parquet(data / "trials.parquet"), pd.read_parquet(data / "labels/test.parquet")
+    placed = {split: pd.read_parquet(data / "placed" / f"{split}.parquet") for split in SPLITS}
     return ReportInputs(
         data=data,
         params=params,
         parameters=flat_parameters(params),
         camera=Intrinsics.from_params(params.camera),
         manifests={split: read_manifest(data / "objects" / split) for split in SPLITS},
-        placed={split: pd.read_parquet(data / "placed" / f"{split}.parquet") for split in SPLITS},
+        placed=placed,
         rejects=pd.read_parquet(data / "objects/rejects.parquet"),
         account=pd.read_parquet(data / "labels/train.parquet"),
+        test_account=test_account,
+        graspable=graspable_objects(test_account, params.label.attempts),
+        widths_m=widths(data / "objects/test", placed["test"]),
         pretraining=_histories(data / "pretrained", networks),
         training=_histories(data / "networks", networks),
-        trials=pd.read_parquet(data / "trials.parquet"),
+        trials=trials,
+        plans=plans_of(trials),
         robot_trials=robot_trials,
         robot_uncertainty=pd.read_parquet(data / "robot_uncertainty.parquet"),
         labelled=labelled,

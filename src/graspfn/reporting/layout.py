@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from graspfn.reporting.tables import full_name
+from graspfn.reporting.tables import block_names, full_name, kind
 
 BLANK = "–"
 
@@ -32,12 +32,20 @@ class Row:
 
 
 @dataclass(frozen=True)
+class Block:
+    """Rows under a heading of their own, "" for none."""
+
+    heading: str
+    rows: tuple[Row, ...]
+
+
+@dataclass(frozen=True)
 class Layout:
-    """Rows under grouped columns; groups are (label, labels of its columns)."""
+    """Blocks of rows under grouped columns; groups are (label, labels of its columns)."""
 
     caption: str
     groups: tuple[tuple[str, tuple[str, ...]], ...]
-    rows: tuple[Row, ...]
+    blocks: tuple[Block, ...]
 
     @property
     def columns(self) -> list[str]:
@@ -56,7 +64,10 @@ def _ours(line: pd.Series | None) -> Cell:
 
 
 def _rows(table: pd.DataFrame, cells: list[tuple[float, float]]) -> tuple[Row, ...]:
-    """Rows of a table with the columns name, method, sigma_uv_mm, sigma_theta_deg; cells are (uv, theta)."""
+    """Rows of a table with the columns name, method, sigma_uv_mm, sigma_theta_deg; cells are (uv, theta).
+
+    method: the paper's, whose row comes after ours.
+    """
     rows = []
     for method in dict.fromkeys(table["method"]):
         of_method = table[table["method"] == method]
@@ -73,15 +84,46 @@ def _rows(table: pd.DataFrame, cells: list[tuple[float, float]]) -> tuple[Row, .
     return tuple(rows)
 
 
+def _named(table: pd.DataFrame) -> pd.DataFrame:
+    """Table 1 or its means, with names of its rows."""
+    names = [full_name(m, n) for m, n in zip(table["method"], table["network"], strict=True)]
+    return table.assign(name=names, method=[kind(m) for m in table["method"]])
+
+
 def layout1(table: pd.DataFrame, caption: str) -> Layout:
-    """Table 1: columns grouped by sigma_theta, then sigma_uv, as in the paper."""
-    named = table.assign(name=[full_name(m, n) for m, n in zip(table["method"], table["network"], strict=True)])
+    """Table 1: columns grouped by sigma_theta, then sigma_uv, as in the paper; a block for each set of objects."""
+    named = _named(table)
     cells = sorted(set(zip(table["sigma_theta_deg"], table["sigma_uv_mm"], strict=True)))
     groups = tuple(
         (f"σθ = {theta:g}°", tuple(f"σuv = {uv:g} mm" for t, uv in cells if t == theta))
         for theta in dict.fromkeys(t for t, _ in cells)
     )
-    return Layout(caption, groups, _rows(named, [(uv, theta) for theta, uv in cells]))
+    order = [(uv, theta) for theta, uv in cells]
+    blocks = tuple(
+        Block(heading, _rows(named[named["objects_of"] == block], order))
+        for block, heading in block_names(table).items()
+    )
+    return Layout(caption, groups, blocks)
+
+
+def layout_means(means: pd.DataFrame, caption: str) -> Layout:
+    """Table 1's means over cells: the blocks side by side, promise and expectation beside success."""
+    named, names = _named(means), block_names(means)
+    groups = tuple((heading, ("success", "promise", "expected")) for heading in names.values())
+    rows = []
+    for method in dict.fromkeys(named["method"]):
+        of_method = named[named["method"] == method]
+        for i, name in enumerate(dict.fromkeys(of_method["name"])):
+            cells: list[Cell] = []
+            for block in names:
+                found = of_method[(of_method["name"] == name) & (of_method["objects_of"] == block)]
+                line = found.iloc[0] if len(found) else None
+                values = [math.nan] * 2 if line is None else [line["promise"], line["expected"]]
+                cells += [_ours(line), *(Cell(number(value)) for value in values)]
+            rows.append(Row(name, tuple(cells), ours=True, first=i == 0))
+        paper = Cell(number(of_method["paper"].iloc[0])), Cell(BLANK), Cell(BLANK)
+        rows.append(Row(f"{method} (paper)", paper * len(names), ours=False, first=False))
+    return Layout(caption, groups, (Block("", tuple(rows)),))
 
 
 def layout2(table: pd.DataFrame, caption: str) -> Layout:
@@ -89,7 +131,7 @@ def layout2(table: pd.DataFrame, caption: str) -> Layout:
     named = table.assign(name=table["method"], method=[name.split(" (")[0] for name in table["method"]])
     cells = sorted(set(zip(table["sigma_uv_mm"], table["sigma_theta_deg"], strict=True)))
     columns = tuple(f"σuv = {uv:g} mm, σθ = {theta:g}°" for uv, theta in cells)
-    return Layout(caption, (("", columns),), _rows(named, cells))
+    return Layout(caption, (("", columns),), (Block("", _rows(named, cells)),))
 
 
 def _headings(layout: Layout) -> list[str]:
@@ -99,7 +141,7 @@ def _headings(layout: Layout) -> list[str]:
 
 def _narrow(layout: Layout) -> tuple[str, list[str]]:
     """Heading of the first column and of the others, where many stand under a group: bare numbers, the unit once."""
-    if not any(group for group, _ in layout.groups):
+    if not all(column.startswith("σuv = ") and column.endswith(" mm") for column in layout.columns):
         return "Method", layout.columns
     return "Method (σuv in mm)", [c.removeprefix("σuv = ").removesuffix(" mm") for c in layout.columns]
 
@@ -107,10 +149,13 @@ def _narrow(layout: Layout) -> tuple[str, list[str]]:
 def to_markdown(layout: Layout) -> str:
     """A Markdown table, its interval under every rate, the caption below."""
     lines = ["| Method | " + " | ".join(_headings(layout)) + " |", "|---" + "|---:" * len(layout.columns) + "|"]
-    for row in layout.rows:
-        cells = [f"{cell.rate}<br>{cell.interval}" if cell.interval else cell.rate for cell in row.cells]
-        cells = cells if row.ours else [f"*{cell}*" for cell in cells]
-        lines.append(f"| {row.name if row.ours else f'*{row.name}*'} | " + " | ".join(cells) + " |")
+    for block in layout.blocks:
+        if block.heading:
+            lines.append(f"| **{block.heading}** |" + " |" * len(layout.columns))
+        for row in block.rows:
+            cells = [f"{cell.rate}<br>{cell.interval}" if cell.interval else cell.rate for cell in row.cells]
+            cells = cells if row.ours else [f"*{cell}*" for cell in cells]
+            lines.append(f"| {row.name if row.ours else f'*{row.name}*'} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + f"\n\n{layout.caption}\n"
 
 
@@ -127,6 +172,18 @@ def tex_escape(text: str) -> str:
     return escaped
 
 
+def _tex_row(row: Row) -> list[str]:
+    rule = [r"\midrule"] if row.first else []
+    rates = [tex_escape(cell.rate) for cell in row.cells]
+    if not row.ours:
+        italic = [rf"\textit{{{rate}}}" for rate in rates]
+        return [*rule, " & ".join([rf"\textit{{{tex_escape(row.name)}}}", *italic]) + r" \\"]
+    # \relax: a cell that starts with a bracket would be read as the argument of the line break before it.
+    below = [rf"\relax{{\tiny {cell.interval}}}" for cell in row.cells]
+    name = rf"\multirow{{2}}{{*}}{{{tex_escape(row.name)}}}"
+    return [*rule, " & ".join([name, *rates]) + r" \\", " & ".join(["", *below]) + r" \\"]
+
+
 def to_tex(layout: Layout, label: str) -> str:
     """A table* for a document with booktabs and multirow: two lines for each of our rows, the interval below."""
     spec = "l" + "".join("@{\\quad}" + "c" * len(columns) for _, columns in layout.groups)
@@ -137,17 +194,12 @@ def to_tex(layout: Layout, label: str) -> str:
         lines.append(" & ".join(["", *spans]) + r" \\")
     first, columns = _narrow(layout)
     lines += [" & ".join(map(tex_escape, [first, *columns])) + r" \\"]
-    for row in layout.rows:
-        if row.first:
-            lines.append(r"\midrule")
-        rates = [tex_escape(cell.rate) for cell in row.cells]
-        if row.ours:
-            lines.append(" & ".join([rf"\multirow{{2}}{{*}}{{{tex_escape(row.name)}}}", *rates]) + r" \\")
-            # \relax: a cell that starts with a bracket would be read as the argument of the line break before it.
-            lines.append(" & ".join(["", *(rf"\relax{{\tiny {cell.interval}}}" for cell in row.cells)]) + r" \\")
-        else:
-            italic = [rf"\textit{{{rate}}}" for rate in rates]
-            lines.append(" & ".join([rf"\textit{{{tex_escape(row.name)}}}", *italic]) + r" \\")
+    for block in layout.blocks:
+        if block.heading:
+            span = len(layout.columns) + 1
+            lines += [r"\midrule", rf"\multicolumn{{{span}}}{{l}}{{\textbf{{{tex_escape(block.heading)}}}}} \\"]
+        for row in block.rows:
+            lines += _tex_row(row)
     lines += [r"\bottomrule", r"\end{tabular}"]
     lines += [rf"\caption{{{tex_escape(layout.caption)}}}", rf"\label{{{label}}}", r"\end{table*}"]
     return "\n".join(lines) + "\n"
@@ -155,6 +207,16 @@ def to_tex(layout: Layout, label: str) -> str:
 
 def _symbols(text: str) -> str:
     return html.escape(text).replace("σuv", "σ<sub>uv</sub>").replace("σθ", "σ<sub>θ</sub>")
+
+
+def _html_row(row: Row, edge: list[str]) -> str:
+    """edge: an attribute for every column."""
+    kind = " ".join(["ours" if row.ours else "paper", *(["first"] if row.first else [])])
+    cells = "".join(
+        f"<td{edge[i]}>{cell.rate}" + (f"<small>{cell.interval}</small>" if cell.interval else "") + "</td>"
+        for i, cell in enumerate(row.cells)
+    )
+    return f"<tr class='{kind}'><th class='name'>{html.escape(row.name)}</th>{cells}</tr>"
 
 
 def to_html(layout: Layout) -> str:
@@ -170,11 +232,9 @@ def to_html(layout: Layout) -> str:
     first, columns = _narrow(layout)
     headings = "".join(f"<th{edge[i]}>{_symbols(name)}</th>" for i, name in enumerate(columns))
     lines.append(f"<tr><th class='name'>{_symbols(first)}</th>{headings}</tr></thead><tbody>")
-    for row in layout.rows:
-        kind = " ".join(["ours" if row.ours else "paper", *(["first"] if row.first else [])])
-        cells = "".join(
-            f"<td{edge[i]}>{cell.rate}" + (f"<small>{cell.interval}</small>" if cell.interval else "") + "</td>"
-            for i, cell in enumerate(row.cells)
-        )
-        lines.append(f"<tr class='{kind}'><th class='name'>{html.escape(row.name)}</th>{cells}</tr>")
+    for block in layout.blocks:
+        if block.heading:
+            span = len(layout.columns) + 1
+            lines.append(f"<tr class='block'><th class='name' colspan='{span}'>{html.escape(block.heading)}</th></tr>")
+        lines += [_html_row(row, edge) for row in block.rows]
     return "\n".join([*lines, "</tbody></table>"])

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import dataclasses
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from graspfn.evaluation.statistics import Difference, paired_difference
-from graspfn.reporting.figures_results import OUTCOMES
+from graspfn.evaluation.planner import TRUE
+from graspfn.evaluation.statistics import Difference, Resampled, paired_difference
+from graspfn.planning.methods import BEST, CENTROID, LIKELIEST, ROBUST
+from graspfn.reporting.expectation import check_expected
+from graspfn.reporting.figures.label_outcomes import OUTCOMES
+from graspfn.reporting.inputs import ReportInputs
+from graspfn.reporting.plans import CELL, blocks, difference, of_cell, of_method, per_object
+from graspfn.reporting.sizes import size_statistics, sizes
+from graspfn.reporting.tables import Tables1
 
 HEADLINE_CELLS = ((5.0, 10.0), (20.0, 10.0))  # sigma_uv [mm], sigma_theta [deg]
-BASE, ROBUST = "Best Grasp", "Robust Best Grasp"
 
 
 def slug(method: str) -> str:
-    return method.lower().replace(" ", "_")
+    """A key: best_grasp_likeliest_class."""
+    return "".join(c for c in method.lower().replace(" ", "_") if c.isalnum() or c in "_-")
 
 
 def cell_name(sigma_uv_mm: float, sigma_theta_deg: float) -> str:
@@ -30,9 +38,9 @@ def robust_gain(trials: pd.DataFrame, network: str, objects: str, pair_by: list[
     None where they have no trial in common.
     """
     own = trials[trials["network"] == network].set_index("method")
-    if not {BASE, ROBUST} <= set(own.index):
+    if not {BEST, ROBUST} <= set(own.index):
         return None
-    robust, best = (own.loc[[name]].set_index(pair_by)["success"].sort_index() for name in (ROBUST, BASE))
+    robust, best = (own.loc[[name]].set_index(pair_by)["success"].sort_index() for name in (ROBUST, BEST))
     both = robust.index.intersection(best.index)
     if both.empty:
         return None
@@ -40,7 +48,6 @@ def robust_gain(trials: pd.DataFrame, network: str, objects: str, pair_by: list[
     return paired_difference(robust.loc[both].to_numpy(), best.loc[both].to_numpy(), clusters)
 
 
-TABLE_1_PAIR = ["id", "sigma_uv_mm", "sigma_theta_deg"]
 TABLE_2_PAIR = ["object", "placement", "sigma_uv_mm", "sigma_theta_deg"]
 
 
@@ -52,11 +59,79 @@ def _difference(gain: Difference) -> dict[str, float]:
     return {"value": gain.value, "ci_low": gain.low, "ci_high": gain.high, "pairs": gain.pairs}
 
 
-def _table(trials: pd.DataFrame, objects: str, pair_by: list[str], cells: list[tuple[float, float]]) -> dict[str, Any]:
-    """For every network: mean success of each method over all trials and in some cells, and the robust method's gain.
+def comparisons(network: str) -> dict[str, tuple[tuple[str, str], tuple[str, str]]]:
+    """The differences of a network that Table 1 is about: (method, network) less (method, network)."""
+    best, robust, floor = (BEST, network), (ROBUST, network), (CENTROID, "")
+    found = {
+        "robust_minus_best": (robust, best),
+        "best_minus_centroid": (best, floor),
+        "robust_minus_centroid": (robust, floor),
+    }
+    if network == TRUE:
+        return found
+    likeliest, ceiling = (LIKELIEST, network), (ROBUST, TRUE)
+    return found | {"robust_minus_likeliest": (robust, likeliest), "ceiling_minus_robust": (ceiling, robust)}
 
-    Centroid, which needs no network, stands under its own name.
+
+def compared(plans: pd.DataFrame, one: tuple[str, str], other: tuple[str, str]) -> Resampled | None:
+    """Success of one method less that of another, means over the plans' cells; None where they share no object."""
+    minuend, subtrahend = of_method(plans, *one), of_method(plans, *other)
+    if minuend.empty or subtrahend.empty:
+        return None
+    return difference(per_object(minuend), per_object(subtrahend))
+
+
+def _resampled(found: Resampled) -> dict[str, float]:
+    return {"value": found.value, "ci_low": found.low, "ci_high": found.high, "objects": found.objects}
+
+
+def _differences(plans: pd.DataFrame, network: str) -> dict[str, Any]:
+    result: dict[str, Any] = {}
+    cells = list(plans[CELL].drop_duplicates().itertuples(index=False, name=None))
+    for name, (one, other) in comparisons(network).items():
+        if pooled := compared(plans, one, other):
+            result[name] = _resampled(pooled) | {"cells": {}}
+            for theta, uv in cells:
+                if here := compared(of_cell(plans, uv, theta), one, other):
+                    result[name]["cells"][cell_name(uv, theta)] = _resampled(here)
+    return result
+
+
+def _method(mean: pd.Series, rows: pd.DataFrame) -> dict[str, Any]:
+    """One method: its means over cells, and success in the HEADLINE_CELLS; rows: its cells of Table 1."""
+    numbers: dict[str, Any] = {"mean_success": float(mean["success"])}
+    numbers |= {key: float(mean[key]) for key in ("ci_low", "ci_high", "expected", "promise", "paper")}
+    numbers |= {key: int(mean[key]) for key in ("trials", "objects", "networks", "no_grasp")}
+    for uv, theta in HEADLINE_CELLS:
+        for line in of_cell(rows, uv, theta).itertuples():
+            name = cell_name(uv, theta)
+            numbers[f"success_{name}"] = {"value": line.success, "ci_low": line.ci_low, "ci_high": line.ci_high}
+    return numbers
+
+
+def simulation_numbers(plans: pd.DataFrame, graspable: Collection[str], tables: Tables1) -> dict[str, Any]:
+    """For each block of objects and each network in it, its methods, and differences between them.
+
+    Centroid, which needs no network, stands under its own name, the true function under true_function.
     """
+    cells, means = tables.cells, tables.means
+    result: dict[str, Any] = {}
+    for block, of_block in blocks(plans, graspable).items():
+        entry: dict[str, Any] = {"objects": of_block["id"].nunique()}
+        for _, mean in means[means["objects_of"] == block].iterrows():
+            method, network = mean["method"], mean["network"]
+            rows = of_method(cells[cells["objects_of"] == block], method, network)
+            where = entry.setdefault(slug(network), {}) if network else entry
+            where[slug(method)] = _method(mean, rows)
+        for network in networks_of(of_block):
+            entry[slug(network)] |= _differences(of_block, network)
+        result[block] = entry
+    return result
+
+
+def robot_numbers(trials: pd.DataFrame) -> dict[str, Any]:
+    """For every network: mean success of each method over all and in each condition, and the robust one's gain."""
+    cells = sorted(set(zip(trials["sigma_uv_mm"], trials["sigma_theta_deg"], strict=True)))
     result: dict[str, Any] = {}
     for network in ["", *networks_of(trials)]:
         own = trials[trials["network"] == network]
@@ -64,17 +139,17 @@ def _table(trials: pd.DataFrame, objects: str, pair_by: list[str], cells: list[t
         for method, group in own.groupby("method"):
             numbers: dict[str, float] = {"mean_success": float(group["success"].mean())}
             for uv, theta in cells:
-                here = group[(group["sigma_uv_mm"] == uv) & (group["sigma_theta_deg"] == theta)]
+                here = of_cell(group, uv, theta)
                 if len(here):
                     numbers[f"success_{cell_name(uv, theta)}"] = float(here["success"].mean())
             entry[slug(str(method))] = numbers
-        if gain := robust_gain(trials, network, objects, pair_by):
+        if gain := robust_gain(trials, network, "object", TABLE_2_PAIR):
             entry["robust_minus_best"] = _difference(gain)
         result |= {network: entry} if network else entry
     return result
 
 
-def _labels(account: pd.DataFrame, label_attempts: int) -> dict[str, float]:
+def label_numbers(account: pd.DataFrame, label_attempts: int) -> dict[str, float]:
     done = account[list(OUTCOMES)].sum()
     near, culled = int(done.sum()), int(account["untouched"].sum())
     return {
@@ -94,29 +169,28 @@ def final_loss(history: pd.DataFrame) -> float:
 
 
 def rounded(value: Any) -> Any:
-    """Numbers to 4 digits; NaN, which JSON does not have, to null."""
+    """Numbers to 4 digits; NaN and the infinite, which JSON does not have, to null."""
     if isinstance(value, Mapping):
         return {key: rounded(item) for key, item in value.items()}
     if isinstance(value, float):
-        return None if np.isnan(value) else round(value, 4)
+        return round(value, 4) if np.isfinite(value) else None
     return value
 
 
-def metrics(
-    trials: pd.DataFrame,
-    robot_trials: pd.DataFrame,
-    account: pd.DataFrame,
-    label_attempts: int,
-    training: Mapping[str, pd.DataFrame],
-) -> dict[str, Any]:
-    """Nested numbers: table1.<network>.<method>.mean_success, ..., labels, training."""
-    conditions = sorted(set(zip(robot_trials["sigma_uv_mm"], robot_trials["sigma_theta_deg"], strict=True)))
+def metrics(inputs: ReportInputs, tables: Tables1) -> dict[str, Any]:
+    """Nested numbers: table1.<block>.<network>.<method>.mean_success, ..., table2, objects, labels, training."""
+    attempts, robot = inputs.params.label.attempts, inputs.robot_trials
+    objects = size_statistics(sizes(inputs.manifests, inputs.placed))
+    objects["test"] |= {"tried": inputs.plans["id"].nunique(), "graspable": len(inputs.graspable)}
     return rounded(
         {
-            "table1": _table(trials, "id", TABLE_1_PAIR, list(HEADLINE_CELLS)),
-            "table2": _table(robot_trials, "object", TABLE_2_PAIR, conditions)
-            | {"simulated_recordings": int(robot_trials["simulated"].sum()), "recordings": len(robot_trials)},
-            "labels": _labels(account, label_attempts),
-            "training": {network: {"final_loss": final_loss(history)} for network, history in training.items()},
+            "table1": simulation_numbers(inputs.plans, inputs.graspable, tables),
+            "table2": robot_numbers(robot)
+            | {"simulated_recordings": int(robot["simulated"].sum()), "recordings": len(robot)},
+            "expected": dataclasses.asdict(check_expected(inputs.plans)),
+            "objects": objects,
+            "labels": label_numbers(inputs.account, attempts),
+            "test_labels": label_numbers(inputs.test_account, attempts),
+            "training": {network: {"final_loss": final_loss(h)} for network, h in inputs.training.items()},
         }
     )

@@ -5,21 +5,26 @@ from __future__ import annotations
 import base64
 import importlib.metadata
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import jinja2
 import pandas as pd
 from markupsafe import Markup
 
-from graspfn.evaluation.statistics import Difference, Proportion, proportion
+from graspfn.evaluation.planner import TRUE
+from graspfn.evaluation.statistics import proportion
 from graspfn.meshes.placed import RESTING
+from graspfn.planning.methods import ROBUST
 from graspfn.reporting import layout
-from graspfn.reporting.figures import best_network
-from graspfn.reporting.figures_results import OUTCOMES
+from graspfn.reporting.figures.label_outcomes import OUTCOMES
 from graspfn.reporting.inputs import ReportInputs
-from graspfn.reporting.metrics import TABLE_1_PAIR, TABLE_2_PAIR, final_loss, networks_of, robust_gain
+from graspfn.reporting.metrics import final_loss, slug
+from graspfn.reporting.plans import ALL, GRASPABLE, block_to_show, graspable_objects
 from graspfn.reporting.provenance import kinds_of_rejects, provenance
+from graspfn.reporting.sizes import reasons
+from graspfn.reporting.summary import gain, interval, trained
 from graspfn.reporting.tables import who_recorded
 
 PACKAGES = (
@@ -54,14 +59,6 @@ class Picture:
         return "data:image/png;base64," + base64.b64encode(self.png).decode()
 
 
-def rate(p: Proportion) -> str:
-    return f"{p.value:.3f} [{p.low:.2f}, {p.high:.2f}]"
-
-
-def gain(d: Difference) -> str:
-    return f"{d.value:+.3f} [{d.low:+.2f}, {d.high:+.2f}]".replace("-", "−")
-
-
 def seconds(value: float) -> str:
     """A duration, a dash for NaN."""
     if value != value:
@@ -71,39 +68,59 @@ def seconds(value: float) -> str:
     return f"{value / 60:.1f} min" if value < 5400 else f"{value / 3600:.1f} h"
 
 
-def headlines(inputs: ReportInputs, table1: pd.DataFrame) -> list[tuple[str, str, str]]:
-    """(number, what it is, its particulars), for the network with the best Robust Best Grasp."""
-    network = best_network(table1)
-    trials, robot = inputs.trials, inputs.robot_trials
-    robust = trials[(trials["method"] == "Robust Best Grasp") & (trials["network"] == network)]
-    p = proportion(robust["success"].to_numpy(), robust["id"].to_numpy())
-    d = robust_gain(trials, network, "id", TABLE_1_PAIR)
-    assert d is not None  # the simulation tries every method on every object
-    robot_robust = robot[(robot["method"] == "Robust Best Grasp") & (robot["network"] == network)]
-    number, interval = gain(d).split(" ", 1)
+def headlines(inputs: ReportInputs, numbers: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """(number, what it is, its particulars), for the network with the best Robust Best Grasp; numbers: the metrics."""
+    name = block_to_show(numbers["table1"])
+    block = numbers["table1"][name]
+    network, entry = next(iter(trained(block).items()))
+    whom = f"{block['objects']:,} {'objects that can be held' if name == GRASPABLE else 'objects'}"
+    robust, difference = entry["robust_best_grasp"], entry["robust_minus_best"]
     found = [
-        (f"{p.value:.3f}", "Robust Best Grasp, mean of Table 1", f"{network}; 95% {rate(p)[6:]}, {p.trials:,} trials"),
-        (number, "Robust less Best Grasp, Table 1", f"{network}; 95% {interval}, {d.pairs:,} pairs"),
+        (
+            f"{robust['mean_success']:.3f}",
+            "Robust Best Grasp, mean of Table 1",
+            f"{network}; 95%{interval(robust)}; {whom}",
+        ),
+        (
+            gain(difference).split()[0],
+            "Robust less Best Grasp, Table 1",
+            f"{network}; 95%{interval(difference)}; {whom}",
+        ),
     ]
-    if len(robot_robust):
-        r = proportion(robot_robust["success"].to_numpy(), robot_robust["object"].to_numpy())
-        who = "simulated robot" if robot_robust["simulated"].any() else "robot"
-        found.append(
-            (f"{r.value:.3f}", f"Robust Best Grasp, {who}", f"{network}; 95% {rate(r)[6:]}, {r.trials} trials")
-        )
+    if ceiling := block.get(slug(TRUE)):
+        best = ceiling["robust_best_grasp"]
+        found.append((f"{best['mean_success']:.3f}", "the ceiling, mean of Table 1", f"{TRUE}; 95%{interval(best)}"))
+    robot = inputs.robot_trials
+    own = robot[(robot["method"] == ROBUST) & (robot["network"] == network)]
+    if len(own):
+        r = proportion(own["success"].to_numpy(), own["object"].to_numpy())
+        who = "simulated robot" if own["simulated"].any() else "robot"
+        particulars = f"{network}; 95% [{r.low:.2f}, {r.high:.2f}]; {r.trials:,} trials"
+        found.append((f"{r.value:.3f}", f"Robust Best Grasp, {who}", particulars))
     return found
 
 
-def gains(inputs: ReportInputs) -> list[tuple[str, str, str, int]]:
-    """(table, network, robust less best, pairs)."""
+DIFFERENCES = {
+    "robust_minus_best": "Robust less Best",
+    "robust_minus_likeliest": "Robust less likeliest class",
+    "best_minus_centroid": "Best less Centroid",
+    "robust_minus_centroid": "Robust less Centroid",
+    "ceiling_minus_robust": "ceiling less Robust",
+}
+BLOCKS = {ALL: "all objects", GRASPABLE: "those that can be held"}
+
+
+def gains(numbers: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
+    """(table and objects, network, which difference, its value with interval), over all cells."""
     rows = []
-    for name, trials, objects, pair_by in (
-        ("Table 1", inputs.trials, "id", TABLE_1_PAIR),
-        ("Table 2", inputs.robot_trials, "object", TABLE_2_PAIR),
-    ):
-        for network in networks_of(trials):
-            if d := robust_gain(trials, network, objects, pair_by):
-                rows.append((name, network, gain(d), d.pairs))
+    for block, entry in numbers["table1"].items():
+        for network in [*trained(entry), slug(TRUE)]:
+            own = entry.get(network, {})
+            where, whose = f"Table 1, {BLOCKS[block]}", network.replace("_", " ") if network == slug(TRUE) else network
+            rows += [(where, whose, what, gain(own[key])) for key, what in DIFFERENCES.items() if key in own]
+    for network, entry in numbers["table2"].items():
+        if isinstance(entry, Mapping) and (found := entry.get("robust_minus_best")):
+            rows.append(("Table 2", network, DIFFERENCES["robust_minus_best"], gain(found)))
     return rows
 
 
@@ -113,17 +130,21 @@ def counts(inputs: ReportInputs) -> list[tuple[str, str]]:
     for split, placed in inputs.placed.items():
         status = placed["status"]
         rows.append((f"{split} objects that came to rest", f"{int((status == RESTING).sum()):,}"))
-        for reason, count in status[status != RESTING].value_counts().sort_index().items():
-            rows.append((f"{split} objects left out: {reason}", f"{count:,}"))
-    account = inputs.account
-    labelled = account["status"] == "labelled"
-    rows.append(("objects labelled", f"{int(labelled.sum()):,}"))
-    for reason, count in account.loc[~labelled, "status"].value_counts().sort_index().items():
-        rows.append((f"objects not labelled: {reason}", f"{count:,}"))
-    sure = int((account["best"] == inputs.params.label.attempts).sum())
-    rows.append(("training objects with a pose at which every attempt holds", f"{sure}"))
-    rows.append(("attempts that provably touch nothing, not simulated", f"{int(account['untouched'].sum()):,}"))
-    rows += [(f"attempts {meaning}", f"{int(account[name].sum()):,}") for name, meaning in OUTCOMES.items()]
+        rows += [(f"{split} objects left out: {reason}", f"{count:,}") for reason, count in reasons(status).items()]
+        smaller = int(((status == RESTING) & (placed["fit_scale"] < 1)).sum())
+        rows.append((f"{split} objects made smaller to fit the gripper", f"{smaller:,}"))
+    account, attempts = inputs.account, inputs.params.label.attempts
+    for split, labels in (("train", account), ("test", inputs.test_account)):
+        labelled = labels["status"] == "labelled"
+        rows.append((f"{split} objects labelled", f"{int(labelled.sum()):,}"))
+        for reason, count in labels.loc[~labelled, "status"].value_counts().sort_index().items():
+            rows.append((f"{split} objects not labelled: {reason}", f"{count:,}"))
+        sure = len(graspable_objects(labels, attempts))
+        rows.append((f"{split} objects with a pose at which every attempt holds", f"{sure:,}"))
+    rows.append(
+        ("training attempts that provably touch nothing, not simulated", f"{int(account['untouched'].sum()):,}")
+    )
+    rows += [(f"training attempts {meaning}", f"{int(account[name].sum()):,}") for name, meaning in OUTCOMES.items()]
     rows.append(("trials behind Table 1", f"{len(inputs.trials):,}"))
     rows.append(("recordings behind Table 2", f"{len(inputs.robot_trials):,}"))
     rows += [(f"final training loss, {network}", f"{final_loss(h):.4f}") for network, h in inputs.training.items()]
@@ -132,9 +153,11 @@ def counts(inputs: ReportInputs) -> list[tuple[str, str]]:
 
 def durations(inputs: ReportInputs) -> list[tuple[str, str]]:
     """(stage, how long) in the order of the workflow."""
-    stages = ["select_meshes", "place_objects", "label_grasps", "render_images", "augment"]
+    stages = ["select_meshes", "place_objects", *(f"label_grasps@{split}" for split in inputs.placed)]
+    stages += ["render_images", "augment"]
+    runs = [f"{network}-{seed}" for network in inputs.params.networks for seed in inputs.params.training_seeds]
     for name in ("pretrain", "train", "predict"):
-        stages += [f"{name}@{network}" for network in inputs.params.networks]
+        stages += [f"{name}@{run}" for run in runs]
     stages += ["evaluate", "record_robot", "analyse_robot"]
     return [(stage, seconds(float(inputs.stage_seconds.get(stage, "nan")))) for stage in stages]
 
@@ -167,9 +190,12 @@ def versions() -> list[tuple[str, str]]:
 
 
 def render_page(
-    inputs: ReportInputs, table1: pd.DataFrame, layouts: Sequence[layout.Layout], pictures: Sequence[Picture]
+    inputs: ReportInputs,
+    numbers: Mapping[str, Any],
+    layouts: Sequence[layout.Layout],
+    pictures: Sequence[Picture],
 ) -> str:
-    """index.html; layouts: Tables 1 and 2."""
+    """index.html; numbers: the metrics; layouts: of the tables."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("graspfn", "reporting"),
         autoescape=True,
@@ -182,9 +208,9 @@ def render_page(
         scale=inputs.params.scale,
         seed=inputs.params.seed,
         networks=inputs.params.networks,
-        headlines=headlines(inputs, table1),
+        headlines=headlines(inputs, numbers),
         tables=[{"html": Markup(layout.to_html(table)), "caption": table.caption} for table in layouts],
-        gains=gains(inputs),
+        gains=gains(numbers),
         uncertainty=uncertainty(inputs),
         pictures=pictures,
         provenance=provenance(inputs.manifests, inputs.rejects),

@@ -7,40 +7,47 @@ import shutil
 from pathlib import Path
 
 from graspfn.reporting import layout, tables
-from graspfn.reporting.figures import draw_all
+from graspfn.reporting.figures import success
+from graspfn.reporting.figures.registry import by_success, draw_all
+from graspfn.reporting.figures.style import save_plate
 from graspfn.reporting.inputs import ReportInputs
 from graspfn.reporting.metrics import metrics
 from graspfn.reporting.page import Picture, render_page
-from graspfn.reporting.style import save_plate
 
 
-def write_tables(inputs: ReportInputs, folder: Path) -> list[layout.Layout]:
-    """table1 and table2 as .csv, .md and .tex; returns their layouts."""
-    scale = inputs.params.scale
-    table1, table2 = tables.table1(inputs.trials), tables.table2(inputs.robot_trials)
-    layouts = [
-        layout.layout1(table1, tables.caption1(table1, scale)),
-        layout.layout2(table2, tables.caption2(table2, inputs.robot_trials, scale)),
-    ]
+def write_tables(inputs: ReportInputs, tables1: tables.Tables1, folder: Path) -> list[layout.Layout]:
+    """table{1,2} as .csv, .md and .tex; and what `dvc plots` draws of Table 1.
+
+    Returns the layouts of Table 1's means, Table 1 and Table 2.
+    """
+    scale, table2 = inputs.params.scale, tables.table2(inputs.robot_trials)
+    means = layout.layout_means(tables1.means, tables.caption_means(tables1.means))
+    laid_out = {
+        "table1": layout.layout1(tables1.cells, tables.caption1(tables1.cells, scale)),
+        "table2": layout.layout2(table2, tables.caption2(table2, inputs.robot_trials, scale)),
+    }
     folder.mkdir(parents=True, exist_ok=True)
-    for name, table, laid_out in zip(("table1", "table2"), (table1, table2), layouts, strict=True):
+    for table, (name, shown) in zip((tables1.cells, table2), laid_out.items(), strict=True):
         table.to_csv(folder / f"{name}.csv", index=False, float_format="%.6g", lineterminator="\n")
-        (folder / f"{name}.md").write_text(layout.to_markdown(laid_out), encoding="utf-8")
-        (folder / f"{name}.tex").write_text(layout.to_tex(laid_out, f"tab:{name}"), encoding="utf-8")
-    return layouts
+        (folder / f"{name}.md").write_text(layout.to_markdown(shown), encoding="utf-8")
+        (folder / f"{name}.tex").write_text(layout.to_tex(shown, f"tab:{name}"), encoding="utf-8")
+    series = success.series(tables1.cells, by_success(tables1.cells)[0])
+    series.to_csv(folder / "success_vs_sigma_uv.csv", index=False, float_format="%.6g", lineterminator="\n")
+    with (folder / "table1.md").open("a", encoding="utf-8") as file:
+        file.write("\n" + layout.to_markdown(means))
+    return [means, *laid_out.values()]
 
 
 def write_report(inputs: ReportInputs, folder: Path) -> None:
-    """Write table{1,2}.{csv,md,tex}, figures/*.{png,pdf}, metrics.json and index.html into `folder`.
+    """Write tables, figures/*.{png,pdf}, metrics.json and index.html into `folder`.
 
     Equal inputs give equal bytes. Figures of an earlier report are removed.
     """
-    layouts = write_tables(inputs, folder)
+    tables1 = tables.Tables1.of(inputs.plans, inputs.graspable)
+    layouts = write_tables(inputs, tables1, folder)
     shutil.rmtree(folder / "figures", ignore_errors=True)
-    table1 = tables.table1(inputs.trials)
-    pictures = [
-        Picture(plate.name, plate.caption, save_plate(plate, folder / "figures")) for plate in draw_all(inputs, table1)
-    ]
-    numbers = metrics(inputs.trials, inputs.robot_trials, inputs.account, inputs.params.label.attempts, inputs.training)
+    plates = draw_all(inputs, tables1.cells)
+    pictures = [Picture(plate.name, plate.caption, save_plate(plate, folder / "figures")) for plate in plates]
+    numbers = metrics(inputs, tables1)
     (folder / "metrics.json").write_text(json.dumps(numbers, indent=2) + "\n")
-    (folder / "index.html").write_text(render_page(inputs, table1, layouts, pictures), encoding="utf-8")
+    (folder / "index.html").write_text(render_page(inputs, numbers, layouts, pictures), encoding="utf-8")

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
-from graspfn.evaluation.statistics import proportion
-from graspfn.planning.methods import METHODS
+from graspfn.evaluation.planner import TRUE
+from graspfn.evaluation.statistics import proportion, resampled_rate
+from graspfn.planning.methods import BEST, LIKELIEST, METHODS
 from graspfn.reporting import paper
+from graspfn.reporting.plans import ALL, CELL, GRASPABLE, blocks, per_object
 
 TABLE_1_COLUMNS = [
+    "objects_of",
     "method",
     "network",
     "sigma_theta_deg",
@@ -19,8 +25,12 @@ TABLE_1_COLUMNS = [
     "ci_low",
     "ci_high",
     "trials",
-    "no_grasp",
     "objects",
+    "networks",
+    "no_grasp",
+    "expected",
+    "expected_error",
+    "promise",
     "paper",
 ]
 TABLE_2_COLUMNS = [
@@ -37,18 +47,35 @@ TABLE_2_COLUMNS = [
     "simulated",
 ]
 _KEY = ["method", "network", "sigma_theta_deg", "sigma_uv_mm"]
+SHORT = {LIKELIEST: (BEST, "likeliest class")}  # what such a method is a kind of, and which
+
+
+def kind(method: str) -> str:
+    """The method of the paper that a method is or varies."""
+    return SHORT.get(method, (method, ""))[0]
 
 
 def full_name(method: str, network: str) -> str:
-    """A method together with the network it plans with: "Best Grasp (fcn)"."""
-    return f"{method} ({network})" if network else method
+    """A method together with the network it plans with: "Best Grasp (fcn)", "Best Grasp (fcn, likeliest class)"."""
+    name, which = SHORT.get(method, (method, ""))
+    particulars = ", ".join(filter(None, (network, which)))
+    return f"{name} ({particulars})" if particulars else name
+
+
+def _known(trials: pd.DataFrame) -> None:
+    unknown = sorted(set(trials["method"]) - set(METHODS))
+    if unknown:
+        raise ValueError(f"trials: method {unknown[0]!r} is not one of {', '.join(METHODS)}")
+
+
+def _order(row: dict[str, Any]) -> tuple[Any, ...]:
+    """The paper's; the true function stands after the networks."""
+    return METHODS.index(row["method"]), row["network"] == TRUE, row["network"], *(row.get(name, 0) for name in CELL)
 
 
 def _rates(trials: pd.DataFrame, objects: str) -> list[dict[str, Any]]:
     """One row per method, network and cell, in the paper's order; `objects` is the column that names them."""
-    unknown = sorted(set(trials["method"]) - set(METHODS))
-    if unknown:
-        raise ValueError(f"trials: method {unknown[0]!r} is not one of {', '.join(METHODS)}")
+    _known(trials)
     rows = []
     for key, group in trials.groupby(_KEY):
         rate = proportion(group["success"].to_numpy(), group[objects].to_numpy())
@@ -63,18 +90,76 @@ def _rates(trials: pd.DataFrame, objects: str) -> list[dict[str, Any]]:
                 "objects": rate.clusters,
             }
         )
-    return sorted(rows, key=lambda row: (METHODS.index(row["method"]), *(row[name] for name in _KEY[1:])))
+    return sorted(rows, key=_order)
 
 
-def table1(trials: pd.DataFrame) -> pd.DataFrame:
-    """Success rate of every method, network and cell of simulated trials, beside the paper's (TABLE_1_COLUMNS).
+def _summary(plans: pd.DataFrame) -> dict[str, Any]:
+    """Of one method and network: success over objects and training seeds, expectation and promise.
 
-    no_grasp: of the trials, those where the method found no pose to try.
+    expected_error: of the mean over these objects, by the attempts that it was reckoned from; in one cell alone.
     """
-    rows = _rates(trials, "id")
+    rate = resampled_rate(per_object(plans).to_numpy())
+    expected, errors = plans["expected"], plans["expected_error"]
+    return {
+        "success": rate.value,
+        "ci_low": rate.low,
+        "ci_high": rate.high,
+        "trials": int(plans["trials"].sum()),
+        "objects": rate.objects,
+        "networks": rate.networks,
+        "no_grasp": int(plans["no_grasp"].sum()),
+        "expected": float(expected.mean()),
+        "expected_error": float(np.sqrt((errors**2).sum())) / expected.count() if expected.count() else np.nan,
+        "promise": float(plans["promise"].mean()),
+    }
+
+
+def _summaries(plans: pd.DataFrame, graspable: Collection[str], by: list[str]) -> list[dict[str, Any]]:
+    """A row for each block and each value of the columns `by`, in order."""
+    _known(plans)
+    found: list[dict[str, Any]] = []
+    for block, table in blocks(plans, graspable).items():
+        rows = [
+            {"objects_of": block} | dict(zip(by, key, strict=True)) | _summary(group)
+            for key, group in table.groupby(by)
+        ]
+        found += sorted(rows, key=_order)
+    return found
+
+
+def table1(plans: pd.DataFrame, graspable: Collection[str]) -> pd.DataFrame:
+    """Success of every method, network and cell, beside the paper's, for each block of objects (TABLE_1_COLUMNS).
+
+    plans: as `plans_of` has them; graspable: the objects of the second block. networks: trained with a seed each;
+    no_grasp: of the trials, those where the method found no pose to try. The true function has rows where objects are
+    labelled.
+    """
+    rows = _summaries(plans, graspable, _KEY)
     for row in rows:
-        row["paper"] = paper.table_1(row["method"], row["sigma_uv_mm"], row["sigma_theta_deg"])
+        row["paper"] = paper.table_1(kind(row["method"]), row["sigma_uv_mm"], row["sigma_theta_deg"])
     return pd.DataFrame(rows, columns=TABLE_1_COLUMNS)
+
+
+def means1(plans: pd.DataFrame, graspable: Collection[str]) -> pd.DataFrame:
+    """Table 1's columns but for the cells, over all of which these are means; paper: NaN unless it has every cell."""
+    rows = _summaries(plans, graspable, _KEY[:2])
+    cells = plans[CELL].drop_duplicates().to_numpy()
+    for row in rows:
+        del row["expected_error"]  # one object's attempts serve all cells
+        row["paper"] = float(np.mean([paper.table_1(kind(row["method"]), uv, theta) for theta, uv in cells]))
+    return pd.DataFrame(rows)
+
+
+@dataclass(frozen=True, eq=False)
+class Tables1:
+    """Table 1 (TABLE_1_COLUMNS), and the means over its cells."""
+
+    cells: pd.DataFrame
+    means: pd.DataFrame
+
+    @classmethod
+    def of(cls, plans: pd.DataFrame, graspable: Collection[str]) -> Tables1:
+        return cls(table1(plans, graspable), means1(plans, graspable))
 
 
 def table2(robot_trials: pd.DataFrame) -> pd.DataFrame:
@@ -111,14 +196,63 @@ def _without_a_grasp(table: pd.DataFrame) -> str:
     return f"In {count:,} of the {int(table['trials'].sum()):,} trials the method found no grasp, which is a failure. "
 
 
+def block_names(table: pd.DataFrame) -> dict[str, str]:
+    """What the blocks of Table 1 are called, with their numbers of objects."""
+    count = table.groupby("objects_of")["objects"].max()
+    names = {ALL: "All {:,} test objects", GRASPABLE: "The {:,} test objects that can be held"}
+    return {block: names[block].format(count[block]) for block in dict.fromkeys(table["objects_of"])}
+
+
+def floor_and_ceiling(table: pd.DataFrame) -> str:
+    """What stands below and above every network; table: Table 1."""
+    own = table[(table["network"] == TRUE) & (table["objects_of"] == ALL)]
+    if own.empty:
+        return "Centroid, which needs no network, is the floor. No test object is labelled: there is no ceiling. "
+    labelled = int(own["objects"].max())
+    among = "" if labelled == table["objects"].max() else f" (known for {labelled:,} test objects, the labelled ones)"
+    return (
+        "Centroid, which needs no network, is the floor; the true function, the labels of the very object, is the "
+        f"ceiling{among}. "
+    )
+
+
+def what_intervals_hold(table: pd.DataFrame) -> str:
+    """Which chances the intervals of Table 1 hold, and which not."""
+    networks = int(table["networks"].max())
+    if networks > 1:
+        return f"95% intervals from resampling objects and the {networks} training seeds of each network"
+    return (
+        "95% intervals from resampling objects; each network was trained once, and what another start of it would "
+        "bring they do not hold"
+    )
+
+
 def caption1(table: pd.DataFrame, scale: str) -> str:
     """What Table 1 shows, with its counts and scale."""
+    errors = table["trials"] // (table["objects"] * table["networks"])
+    held = ""
+    if GRASPABLE in set(table["objects_of"]):
+        held = (
+            "Those that can be held are the labelled ones with a pose at which every attempt held: the labels decide, "
+            "never a trial. "
+        )
     return (
         f"Table 1. Success rate in simulation under gripper pose uncertainty, scale “{scale}”: "
-        f"{_span(table['trials'])} trials in each cell, on {_span(table['objects'])} test objects. "
-        f"{_without_a_grasp(table)}"
-        "Brackets: 95% intervals. Rows (paper): the figures printed by Johns, Leutenegger and Davison (2016), "
-        "on 1000 objects of ModelNet and without intervals."
+        f"{' and '.join(name[0].lower() + name[1:] for name in block_names(table).values())}, each with "
+        f"{_span(errors)} {'error' if errors.max() == 1 else 'errors'} in every cell, the same for all methods. {held}"
+        f"{floor_and_ceiling(table)}{_without_a_grasp(table[table['objects_of'] == ALL])}"
+        f"Brackets: {what_intervals_hold(table)}. Rows (paper): the figures printed by Johns, Leutenegger and Davison "
+        "(2016), on 1000 objects of ModelNet and without intervals; its Best Grasp takes the likeliest class."
+    )
+
+
+def caption_means(table: pd.DataFrame) -> str:
+    """What stands under the means of Table 1; table: those."""
+    return (
+        "Means over all cells of Table 1. Promise: the robust score of the commanded pose, by the function that "
+        "planned it. Expected: the success of that pose by the object's own labelled attempts, of labelled objects and "
+        "where enough attempts lie near; none for the true function, which is made of them. "
+        f"Brackets: {what_intervals_hold(table)}."
     )
 
 

@@ -47,9 +47,10 @@ RC: Any = {
     "pdf.fonttype": 42,
 }
 # Okabe and Ito's palette: apart in hue for every kind of colour vision, and in lightness in greyscale.
-COLOURS = {"Centroid": "#4D4D4D", "Best Grasp": "#56B4E9", "Robust Best Grasp": "#D55E00"}
-MARKERS = {"Centroid": "^", "Best Grasp": "s", "Robust Best Grasp": "o"}
+COLOURS = {"Centroid": "#4D4D4D", "Best Grasp": "#56B4E9", "Robust Best Grasp": "#D55E00", "true function": "#009E73"}
+MARKERS = {"Centroid": "^", "Best Grasp": "s", "Robust Best Grasp": "o", "true function": "D"}
 LINES: dict[str, Any] = {"Centroid": (0, (1, 1.2)), "Best Grasp": (0, (5, 2)), "Robust Best Grasp": "solid"}
+LINES |= {"true function": "dashdot"}
 SCORE = "#B2182B"  # lines of a grasp function
 ROBUST = "#D7191C"
 BEST = "#0072B2"

@@ -1,4 +1,4 @@
-"""Figures of grasp functions: lines over depth images, as thick as their score (paper, Figs. 1, 4 and 9)."""
+"""Figures of grasp functions: lines over depth images, as thick as their score (paper, Figs. 1, 4 and 10)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 
 from graspfn.geometry import grid
 from graspfn.imaging.camera import Intrinsics
-from graspfn.reporting.style import (
+from graspfn.reporting.figures.style import (
     BEST,
     COLUMN_IN,
     ROBUST,

@@ -8,9 +8,9 @@ import numpy as np
 import trimesh
 from matplotlib.figure import Figure
 
+from graspfn.reporting.figures.shading import OBJECT_COLOUR, View, render_scene
+from graspfn.reporting.figures.style import WIDE_IN, bare, new_figure, styled
 from graspfn.reporting.film import Film
-from graspfn.reporting.shading import OBJECT_COLOUR, View, render_scene
-from graspfn.reporting.style import WIDE_IN, bare, new_figure, styled
 
 PALM_COLOUR, FINGER_COLOUR = (0.38, 0.42, 0.48), (0.27, 0.47, 0.68)
 

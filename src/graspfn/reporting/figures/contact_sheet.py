@@ -1,4 +1,4 @@
-"""A contact sheet: pictures of many objects in one image (paper, Fig. 11), large if they are few, small if many."""
+"""A contact sheet: pictures of many objects in one image (paper, Fig. 9), large if they are few, small if many."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
 
-from graspfn.reporting.style import DPI, WIDE_IN, few_colours, styled
+from graspfn.reporting.figures.style import DPI, WIDE_IN, few_colours, styled
 
 WIDTH_PX = round(WIDE_IN * DPI)
 FEWEST_COLUMNS, MOST_COLUMNS = 4, 20

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +11,10 @@ import trimesh
 
 from graspfn.meshes.placed import RESTING, T_world_object, load_placed
 from graspfn.meshes.store import read_manifest
-from graspfn.reporting.figures_objects import Cells, cells_for, draw_contact_sheet
-from graspfn.reporting.shading import OBJECT_COLOUR, View, render_scene
-from graspfn.reporting.style import Plate
+from graspfn.reporting.figures.contact_sheet import Cells, cells_for, draw_contact_sheet
+from graspfn.reporting.figures.shading import OBJECT_COLOUR, View, render_scene
+from graspfn.reporting.figures.style import Plate
+from graspfn.reporting.sizes import reasons
 
 HEADINGS = {"train": "Training objects", "test": "Test objects"}
 TO_EYE = np.array([0.40, -0.66, 0.63])  # from the object
@@ -50,14 +51,15 @@ def _pictures(data: Path, resting: pd.DataFrame, side_px: int) -> Iterator[np.nd
         yield picture(load_placed(data / "objects" / row["split"], row), T_world_object(row), width_m, side_px)
 
 
-def _caption(source: str, resting: pd.DataFrame, left_out: int, cells: Cells) -> str:
+def _caption(source: str, resting: pd.DataFrame, left_out: Mapping[str, int], cells: Cells) -> str:
     splits = resting["split"].value_counts()
     sentences = [
         f"The objects of source {source} as they came to rest: {splits.get('train', 0):,} to train on, "
         f"{splits.get('test', 0):,} to test on. All at one scale: lines on the table are 5 cm apart."
     ]
     if left_out:
-        sentences.append(f"{left_out:,} more never came to rest and {'is' if left_out == 1 else 'are'} not shown.")
+        why = ", ".join(f"{count:,} {reason}" for reason, count in left_out.items())
+        sentences.append(f"Left out and not shown: {why}.")
     classes = [name.replace("_", " ") for name in sorted(set(resting["class"])) if name]
     if not cells.lines and 1 < len(classes) <= MOST_CLASSES:
         sentences.append(f"In the order of their classes: {', '.join(classes)}.")
@@ -77,5 +79,5 @@ def contact_sheets(data: Path) -> Iterator[Plate]:
         ]
         cells = cells_for(groups)
         figure = draw_contact_sheet(groups, cells, _pictures(data, resting, cells.side_px))
-        caption = _caption(str(source), resting, len(objects) - len(resting), cells)
+        caption = _caption(str(source), resting, reasons(objects["status"].fillna("not placed")), cells)
         yield Plate(f"objects_{source}", caption, figure, palette=True)

@@ -7,13 +7,27 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
+from graspfn.evaluation.planner import TRUE
 from graspfn.geometry import grid
-from graspfn.planning.methods import best_grasp, robust_best_grasp
+from graspfn.planning.methods import ROBUST, best_grasp, robust_best_grasp
 from graspfn.planning.smoothing import axis_weights
-from graspfn.reporting import figures_functions, figures_images, figures_results, figures_scenes
+from graspfn.reporting.figures import (
+    depth_images,
+    expected,
+    grasp_functions,
+    label_outcomes,
+    nearest,
+    promise,
+    simulated_grasps,
+    success,
+    training_curves,
+)
+from graspfn.reporting.figures import sizes as size_figures
+from graspfn.reporting.figures.objects import contact_sheets
+from graspfn.reporting.figures.style import Plate
 from graspfn.reporting.inputs import PredictedExample, ReportInputs
-from graspfn.reporting.sheets import contact_sheets
-from graspfn.reporting.style import Plate
+from graspfn.reporting.plans import block_to_show
+from graspfn.reporting.sizes import sizes
 from graspfn.reporting.tables import who_recorded
 from graspfn.seeds import generator
 
@@ -21,13 +35,14 @@ SUMMARY_SIGMA_MM = 20.0
 PREDICTION_SIGMA = (15.0, 10.0)  # mm, degrees
 GROWING_SIGMAS = ((2.0, 5.0), (5.0, 10.0), (10.0, 20.0), (20.0, 40.0))
 FILMS = {"held": "Attempts that held,", "failed": "Attempts that touched the object and failed,"}
-PAPER_SIGMA_THETA_DEG = 10.0  # of the paper's graph
 
 
-def best_network(table1: pd.DataFrame) -> str:
-    """The network whose Robust Best Grasp succeeds most over all cells."""
-    robust = table1[table1["method"] == "Robust Best Grasp"]
-    return str(robust.groupby("network")["success"].mean().idxmax())
+def by_success(table1: pd.DataFrame) -> list[str]:
+    """Networks by the success of their Robust Best Grasp over all cells, best first."""
+    block = block_to_show(dict.fromkeys(table1["objects_of"]))
+    robust = table1[(table1["objects_of"] == block) & (table1["method"] == ROBUST) & (table1["network"] != TRUE)]
+    mean = robust.groupby("network")["success"].mean()
+    return [str(network) for network in mean.sort_values(ascending=False, kind="stable").index]
 
 
 def slice_for_summary(f: np.ndarray, sigma_mm: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -64,19 +79,19 @@ def _functions(inputs: ReportInputs, network: str) -> Iterator[Plate]:
         f"The idea in one dimension: a slice along u of the labelled grasp function of {labelled.id}, and the same "
         f"smoothed along u with σ = {SUMMARY_SIGMA_MM:g} mm. Best Grasp takes the maximum of the first, Robust Best "
         "Grasp that of the second. Of all slices, the one on which they differ most.",
-        figures_functions.draw_summary_1d(u_mm, f, smoothed, SUMMARY_SIGMA_MM),
+        grasp_functions.draw_summary_1d(u_mm, f, smoothed, SUMMARY_SIGMA_MM),
     )
     yield Plate(
         "grasp_function",
         f"The labelled grasp function of {labelled.id}. Every line is a gripper pose, along the direction in which the "
         "jaws close; its thickness is the score, the share of attempts inside the pose's cell that held.",
-        figures_functions.draw_grasp_function(labelled.depth, labelled.f, camera),
+        grasp_functions.draw_grasp_function(labelled.depth, labelled.f, camera),
     )
     yield Plate(
         "training_example",
         f"A training example ({labelled.id}): (a) noise-free depth image, (b) the same with noise, enlarged, (c) the "
         "labelled grasp function at all of Q, (d) at every third pose along u and v.",
-        figures_functions.draw_training_example(labelled.depth, labelled.noisy, labelled.f, camera),
+        grasp_functions.draw_training_example(labelled.depth, labelled.noisy, labelled.f, camera),
     )
     depths = [example.depth for example in inputs.predicted]
     networks = list(inputs.predicted[0].functions)
@@ -98,34 +113,31 @@ def _functions(inputs: ReportInputs, network: str) -> Iterator[Plate]:
         "noise), with the pose of Best Grasp and that of Robust Best Grasp for "
         f"σuv = {PREDICTION_SIGMA[0]:g} mm, σθ = {PREDICTION_SIGMA[1]:g}°. "
         f"The first objects of different classes, not chosen by result: {names}.",
-        figures_functions.draw_predictions(depths, functions, poses, opening, camera),
+        grasp_functions.draw_predictions(depths, functions, poses, opening, camera),
     )
     growing = [[_robust(inputs, example, network, sigma) for sigma in GROWING_SIGMAS] for example in inputs.predicted]
     yield Plate(
         "growing_uncertainty",
         f"Growing uncertainty: the pose of Robust Best Grasp (red) on the grasp function predicted by {network}, for "
         "the objects of the previous figure.",
-        figures_functions.draw_growing_uncertainty(depths, growing, GROWING_SIGMAS, opening, camera),
+        grasp_functions.draw_growing_uncertainty(depths, growing, GROWING_SIGMAS, opening, camera),
     )
 
 
 def _results(inputs: ReportInputs, table1: pd.DataFrame) -> Iterator[Plate]:
-    thetas = sorted(set(table1["sigma_theta_deg"]), key=lambda theta: abs(theta - PAPER_SIGMA_THETA_DEG))
-    yield Plate(
-        "success_vs_sigma_uv",
-        f"Table 1 at σθ = {thetas[0]:g}°: success rate against σuv, a panel for each network. Bands are 95% "
-        "intervals; dashed grey lines with the same markers are the paper's. Centroid uses no network.",
-        figures_results.draw_success_vs_sigma_uv(table1, thetas[0]),
-    )
+    plans = inputs.plans
+    yield from success.plates(table1, plans, inputs.graspable, inputs.widths_m, by_success(table1))
+    yield from promise.plates(table1, plans)
+    yield from expected.plates(table1, plans)
     yield Plate(
         "training_curves",
         "Loss of every gradient step (faint) and its mean over the last twentieth of the run.",
-        figures_results.draw_training_curves(inputs.pretraining, inputs.training),
+        training_curves.draw_training_curves(inputs.pretraining, inputs.training),
     )
     yield Plate(
         "label_outcomes",
         "How the attempts that label the training objects ended.",
-        figures_results.draw_label_outcomes(inputs.account),
+        label_outcomes.draw_label_outcomes(inputs.account),
     )
 
 
@@ -135,20 +147,20 @@ def _images(inputs: ReportInputs) -> Iterator[Plate]:
         "noise",
         f"The noise model: σp = {params.noise.sigma_p_px:g} px, σd = {params.noise.sigma_d_mm:g} mm, on the depth "
         f"image of {labelled.id}.",
-        figures_images.draw_noise(labelled.depth, labelled.noisy, camera),
+        depth_images.draw_noise(labelled.depth, labelled.noisy, camera),
     )
     recorded, simulated = inputs.recorded, bool(inputs.robot_trials["simulated"].any())
     yield Plate(
         "inpainting",
         f"A recorded depth image before and after hole filling. {who_recorded(inputs.robot_trials)}",
-        figures_images.draw_inpainting(recorded.raw, recorded.filled, recorded.camera, simulated),
+        depth_images.draw_inpainting(recorded.raw, recorded.filled, recorded.camera, simulated),
     )
     if recorded.grasps:
         yield Plate(
             "example_grasps",
             "Successful trials, one per object: the commanded pose and the pose reached over the recorded depth image. "
             + who_recorded(inputs.robot_trials),
-            figures_images.draw_example_grasps(recorded.grasps, params.gripper.opening_mm, recorded.camera, simulated),
+            depth_images.draw_example_grasps(recorded.grasps, params.gripper.opening_mm, recorded.camera, simulated),
         )
 
 
@@ -158,7 +170,7 @@ def _scenes(inputs: ReportInputs) -> Iterator[Plate]:
             "simulated_grasp",
             f"A simulated grasp of {inputs.film.id}: the hand is kinematic, the fingers close under constant torque, "
             "the hand rises at constant speed. Lines on the table are 5 cm apart.",
-            figures_scenes.draw_simulated_grasp(figures_scenes.film_scenes(inputs.film)),
+            simulated_grasps.draw_simulated_grasp(simulated_grasps.film_scenes(inputs.film)),
         )
     for name, films in inputs.films.items():
         if films:
@@ -166,14 +178,16 @@ def _scenes(inputs: ReportInputs) -> Iterator[Plate]:
                 f"films_{name}",
                 f"{FILMS[name]} of different training objects, the first ones of different classes: hand in place, "
                 "fingers closed, 5 cm up, at the top.",
-                figures_scenes.draw_films(films),
+                simulated_grasps.draw_films(films),
             )
+    yield from size_figures.plates(sizes(inputs.manifests, inputs.placed), inputs.params.settle.fit)
     yield from contact_sheets(inputs.data)
+    yield from nearest.plates(inputs.data, inputs.manifests, inputs.placed)
 
 
 def draw_all(inputs: ReportInputs, table1: pd.DataFrame) -> Iterator[Plate]:
     """Every figure, one at a time."""
-    yield from _functions(inputs, best_network(table1))
+    yield from _functions(inputs, by_success(table1)[0])
     yield from _results(inputs, table1)
     yield from _images(inputs)
     yield from _scenes(inputs)

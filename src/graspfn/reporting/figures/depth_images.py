@@ -1,4 +1,4 @@
-"""Figures of depth images: noise, hole filling, executed grasps (paper, Figs. 4, 7, 10)."""
+"""Figures of depth images: noise, hole filling, executed grasps (paper, Figs. 4, 6 and 11)."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from matplotlib.lines import Line2D
 
 from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.holes import holes
-from graspfn.reporting.figures_functions import add_pose
-from graspfn.reporting.style import (
+from graspfn.reporting.figures.grasp_functions import add_pose
+from graspfn.reporting.figures.style import (
     BEST,
     COLUMN_IN,
     ROBUST,
