@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 from pathlib import Path
 
 import pytest
+
+from graspfn.reporting.summary import in_readme, results_sentence
 
 ROOT = Path(__file__).parents[1]
 
@@ -17,3 +20,9 @@ def test_repro_has_nothing_to_do() -> None:
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert [line for line in done.stdout.splitlines() if line.startswith("Running stage")] == []
+
+
+def test_readme_says_the_results_of_the_run() -> None:
+    """Between the markers <!-- results --> and <!-- /results --> stands what results_sentence makes of the metrics."""
+    metrics = json.loads((ROOT / "reports/metrics.json").read_text())
+    assert in_readme((ROOT / "README.md").read_text()) == results_sentence(metrics)

@@ -14,17 +14,22 @@ import numpy as np
 import pandas as pd
 import pytest
 import trimesh
+import yaml
 
+from graspfn.evaluation.planner import TRUE
 from graspfn.geometry import grid
 from graspfn.imaging.camera import Intrinsics
 from graspfn.imaging.render import render_depth
 from graspfn.meshes.placed import T_world_object, placed_row, write_placed
 from graspfn.meshes.store import Object, write_objects
 from graspfn.params import read_yaml, validate
-from graspfn.reporting import figures, page, shading
+from graspfn.reporting import page
+from graspfn.reporting.figures import nearest, registry, shading
 from graspfn.reporting.inputs import example_label, load_inputs, spread
 from graspfn.reporting.page import Picture
 from graspfn.reporting.report import write_report, write_tables
+from graspfn.reporting.summary import results_sentence
+from graspfn.reporting.tables import Tables1
 from graspfn.robot.analyse import analyse
 from graspfn.robot.read import read_trial, recordings
 from graspfn.robot.record import write_trial
@@ -81,24 +86,26 @@ def write_data(data, params):
     f[:, 15:18, 19:25, 3] = 1.0  # across the long side
     f[1, 15:18, 18, 3] = 0.4
     successes = (5 * f).astype(np.uint8)
-    write_npz(data / "labels.npz", {"ids": np.array(trained), "successes": successes, "attempts": np.array(5)})
+    write_npz(data / "labels/train.npz", {"ids": np.array(trained), "successes": successes, "attempts": np.array(5)})
     ended = {"untouched": 40000, "held": 90, "collided": 10, "missed": 20, "left": 30, "diverged": 1}
-    write_parquet(
-        data / "label_account.parquet",
-        pd.DataFrame([{"id": i, "status": "labelled", "best": 5} | ended for i in trained]),
-    )
-    write_npz(data / "functions/fcn.npz", {"ids": np.array(tested), "scores": f.astype(np.float32)})
+    for split, names in (("train", trained), ("test", tested)):  # of the test objects one can be held
+        rows = [{"id": i, "status": "labelled", "best": 5 if k == 0 else 4} | ended for k, i in enumerate(names)]
+        write_parquet(data / f"labels/{split}.parquet", pd.DataFrame(rows))
+    write_npz(data / "functions/fcn-0.npz", {"ids": np.array(tested), "scores": f.astype(np.float32)})
     for folder, steps in (("pretrained", 0), ("networks", 20)):
-        (data / folder / "fcn").mkdir(parents=True)
+        (data / folder / "fcn-0").mkdir(parents=True)
         step = np.arange(steps)
         table = pd.DataFrame({"step": step, "epoch": step / 10, "learning_rate": 1e-3, "loss": 1 / (1 + step)})
-        table.to_csv(data / folder / "fcn/history.csv", index=False)
+        table.to_csv(data / folder / "fcn-0/history.csv", index=False)
     rows = [
-        {"id": name, "method": method, "network": network, "sigma_uv_mm": uv, "sigma_theta_deg": theta}
-        | {"success": method != "Best Grasp" or uv < 10, "u_m": 0.0}
+        {"id": name, "method": method, "network": network, "sigma_uv_mm": uv, "sigma_theta_deg": theta, "error": error}
+        | {"training_seed": 0 if network == "fcn" else -1, "success": method != "Best Grasp" or uv < 10, "u_m": 0.0}
+        | {"promise": 0.8 if network else np.nan, "expected": np.nan if network == TRUE else 0.6}
+        | {"expected_error": np.nan if network == TRUE else 0.1, "effective": 40.0}
         for name in tested
         for uv, theta in SIGMAS
-        for method, network in plans()
+        for method, network in [*plans(), ("Best Grasp", TRUE), ("Robust Best Grasp", TRUE)]
+        for error in range(2)
     ]
     write_parquet(data / "trials.parquet", pd.DataFrame(rows))
     (data / "recordings").mkdir()
@@ -198,11 +205,12 @@ def test_the_same_inputs_give_the_same_bytes(report):
         assert (folder / file).read_bytes() == (again / file).read_bytes(), file
 
 
-def test_every_figure_of_the_paper_is_there_as_png_and_pdf(report, html):
+def test_every_figure_is_there_as_png_and_pdf(report, html):
     names = {
         *("summary_1d", "grasp_function", "training_example", "predictions", "growing_uncertainty"),
         *("success_vs_sigma_uv", "training_curves", "label_outcomes", "noise", "inpainting", "example_grasps"),
-        *("simulated_grasp", "films_held", "films_failed", "objects_made"),
+        *("simulated_grasp", "films_held", "films_failed", "objects_made", "object_sizes"),
+        *("success_vs_width", "promise_against_fact", "expected_against_trials"),
     }
     files = {path.name for path in (report[0] / "figures").iterdir()}
     assert files == {f"{name}.{kind}" for name in names for kind in ("png", "pdf")}
@@ -211,7 +219,7 @@ def test_every_figure_of_the_paper_is_there_as_png_and_pdf(report, html):
 
 def test_the_page_is_well_formed_and_needs_nothing_else(html, parsed):
     assert parsed.misplaced == [] and parsed.open == []
-    assert len(parsed.addresses) == 15
+    assert len(parsed.addresses) == 19
     assert all(address.startswith("data:image/png;base64,") for address in parsed.addresses)
     style = html.split("<style>")[1].split("</style>")[0]
     assert "url(" not in style and "@import" not in style and "<script" not in html
@@ -228,12 +236,16 @@ def test_the_page_says_what_it_must(parsed, inputs):
     for parameter in inputs.parameters:
         assert parameter.key in text
     assert "compute.workers" not in text
-    assert "evaluate75.0 s" in text and f"label_grasps{page.DASH}" in text
+    assert "evaluate75.0 s" in text and f"label_grasps@test{page.DASH}" in text
 
 
 def test_metrics_are_json_with_four_digits(report):
     numbers = json.loads((report[0] / "metrics.json").read_text())
-    assert numbers["table1"]["fcn"]["robust_minus_best"]["value"] == 0.5
+    assert numbers["table1"]["all"]["fcn"]["robust_minus_best"]["value"] == 0.5
+    assert numbers["table1"]["graspable"]["objects"] == numbers["objects"]["test"]["graspable"] == 1
+    assert numbers["objects"]["test"]["left_out"] == {"rolled away": 1}
+    assert numbers["objects"]["test"]["tried"] == 2
+    assert results_sentence(numbers).startswith("On the 1 test object that can be held")
     assert numbers["table2"]["simulated_recordings"] == 12
     assert numbers["labels"]["attempts"] == 2 * 40151
 
@@ -241,6 +253,20 @@ def test_metrics_are_json_with_four_digits(report):
 def test_csv_reads_back(report):
     table = pd.read_csv(report[0] / "table2.csv")
     assert table["simulated"].all() and set(table["method"]) >= {"Best Grasp (fcn)", "Centroid"}
+    series = pd.read_csv(report[0] / "success_vs_sigma_uv.csv")
+    assert series["sigma_uv_mm"].tolist() == [5, 20] and series["best_grasp"].tolist() == [1, 0]
+    dvc = yaml.safe_load((ROOT / "dvc.yaml").read_text())
+    (plotted,) = (plot["y"]["reports/success_vs_sigma_uv.csv"] for part in dvc["plots"] for plot in part.values())
+    assert ["sigma_uv_mm", *plotted] == list(series)
+
+
+def test_a_manifest_that_says_what_is_nearest_brings_the_nearest_pair(inputs, monkeypatch):
+    monkeypatch.setattr(shading, "SAMPLES", 1)
+    test = inputs.manifests["test"].assign(nearest="made-box-train-0", nearest_distance=[0.3, 0.1, 0.05])
+    manifests = dict(inputs.manifests) | {"test": test}
+    (plate,) = nearest.plates(inputs.data, manifests, inputs.placed)
+    assert "made-box-test-1 is most like a training object, made-box-train-0, at a distance of 0.1;" in plate.caption
+    assert list(nearest.plates(inputs.data, inputs.manifests, inputs.placed)) == []  # the third never came to rest
 
 
 def test_figures_of_an_earlier_report_do_not_stay(inputs, report, monkeypatch, tmp_path):
@@ -255,7 +281,7 @@ def test_figures_of_an_earlier_report_do_not_stay(inputs, report, monkeypatch, t
 def test_without_a_film_the_other_scenes_are_still_drawn(inputs, monkeypatch):
     monkeypatch.setattr(shading, "SAMPLES", 1)
     bare = dataclasses.replace(inputs, film=None, films={"held": [], "failed": []})
-    assert [plate.name for plate in figures._scenes(bare)] == ["objects_made"]
+    assert [plate.name for plate in registry._scenes(bare)] == ["object_sizes", "objects_made"]
 
 
 def test_a_picture_is_its_own_bytes():
@@ -296,8 +322,9 @@ def test_recordings_without_a_grasp_reach_table_2_and_the_page(inputs, tmp_path)
     write_parquet(data / "robot_uncertainty.parquet", estimates)
     with_failures = load_inputs(data, inputs.params, {})
     assert all(len(grasp.commanded) == 3 for grasp in with_failures.recorded.grasps)
-    layouts = write_tables(with_failures, tmp_path / "tables")
-    assert "In 4 of the 12 trials the method found no grasp, which is a failure." in layouts[1].caption
+    tables1 = Tables1.of(with_failures.plans, with_failures.graspable)
+    layouts = write_tables(with_failures, tables1, tmp_path / "tables")
+    assert "In 4 of the 12 trials the method found no grasp, which is a failure." in layouts[-1].caption
     table = pd.read_csv(tmp_path / "tables/table2.csv")
     assert table.loc[table["method"] == "Best Grasp (fcn)", "success"].eq(0).all()
     assert table["no_grasp"].sum() == 4

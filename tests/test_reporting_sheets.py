@@ -11,7 +11,8 @@ from PIL import Image
 
 from graspfn.meshes.placed import placed_row, write_placed
 from graspfn.meshes.store import Object, write_objects
-from graspfn.reporting import figures_objects, shading, sheets
+from graspfn.reporting.figures import contact_sheet, shading
+from graspfn.reporting.figures import objects as sheets
 from graspfn.reporting.figures.contact_sheet import HEADING_PX, WIDTH_PX, cells_for, draw_contact_sheet
 from graspfn.reporting.figures.style import pdf_bytes, png_bytes
 
@@ -121,7 +122,7 @@ def test_few_are_named_and_many_are_not(drawn):
 
 def test_captions_say_how_many_in_which_order_and_what_is_missing(drawn):
     few, many = (plate.caption for plate, _ in drawn.values())
-    assert "2 to train on, 2 to test on" in few and "1 more never came to rest and is not shown" in few
+    assert "2 to train on, 2 to test on" in few and "Left out and not shown: 1 never came to rest in 4 s" in few
     assert "82 to train on, 28 to test on" in many and "never" not in many
     assert many.endswith("In the order of their classes: class 0, class 1, class 2.")
     assert "class" not in few
@@ -155,7 +156,7 @@ def test_the_pdf_holds_one_image_with_a_palette(drawn):
 
 @pytest.mark.parametrize("counts", [(1,), (3, 2), (100,), (57, 44), (1000, 200)])
 def test_no_picture_covers_another_whatever_their_number(counts, monkeypatch):
-    monkeypatch.setattr(figures_objects, "few_colours", lambda picture: picture)
+    monkeypatch.setattr(contact_sheet, "few_colours", lambda picture: picture)
     groups = [(f"heading {i}", ["a name"] * count) for i, count in enumerate(counts)]
     cells = cells_for(groups)
     colours = np.arange(sum(counts)) * 7
@@ -200,4 +201,4 @@ def test_objects_that_were_never_placed_are_left_out_like_the_restless(tmp_path,
         path = tmp_path / f"placed/{split}.parquet"
         pd.read_parquet(path).head(1).to_parquet(path, index=False)
     (plate,) = sheets.contact_sheets(tmp_path)
-    assert "1 to train on, 1 to test on" in plate.caption and "3 more never came to rest" in plate.caption
+    assert "1 to train on, 1 to test on" in plate.caption and "not shown: 3 not placed" in plate.caption

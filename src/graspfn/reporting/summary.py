@@ -9,7 +9,8 @@ from graspfn.evaluation.planner import TRUE
 from graspfn.planning.methods import ROBUST
 from graspfn.reporting import paper
 from graspfn.reporting.metrics import slug
-from graspfn.reporting.plans import GRASPABLE, block_to_show
+from graspfn.reporting.plans import block_to_show
+from graspfn.reporting.tables import block_name
 
 HEADLINE = "success_uv5_theta10"
 Numbers = Mapping[str, Any]
@@ -40,9 +41,9 @@ def results_sentence(metrics: Numbers) -> str:
     block = metrics["table1"][name]
     network, entry = next(iter(trained(block).items()))
     robust = entry["robust_best_grasp"]
-    whom = "test objects that can be held" if name == GRASPABLE else "test objects"
+    whom = block_name(name, block["objects"])
     text = (
-        f"On the {block['objects']:,} {whom}, Robust Best Grasp of `{network}` succeeds in {robust['mean_success']:.3f}"
+        f"On {whom[0].lower()}{whom[1:]}, Robust Best Grasp of `{network}` succeeds in {robust['mean_success']:.3f}"
         f"{interval(robust)} of its trials, mean over the cells of Table 1: {gain(entry['robust_minus_best'])} against "
         f"Best Grasp and {gain(entry['robust_minus_centroid'])} against Centroid, the floor"
     )

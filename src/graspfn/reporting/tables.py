@@ -196,11 +196,16 @@ def _without_a_grasp(table: pd.DataFrame) -> str:
     return f"In {count:,} of the {int(table['trials'].sum()):,} trials the method found no grasp, which is a failure. "
 
 
+def block_name(block: str, objects: int) -> str:
+    """All 80 test objects; The 62 test objects that can be held."""
+    some = f"{objects:,} test object{'s' * (objects != 1)}"
+    return f"All {some}" if block == ALL else f"The {some} that can be held"
+
+
 def block_names(table: pd.DataFrame) -> dict[str, str]:
     """What the blocks of Table 1 are called, with their numbers of objects."""
     count = table.groupby("objects_of")["objects"].max()
-    names = {ALL: "All {:,} test objects", GRASPABLE: "The {:,} test objects that can be held"}
-    return {block: names[block].format(count[block]) for block in dict.fromkeys(table["objects_of"])}
+    return {block: block_name(block, int(count[block])) for block in dict.fromkeys(table["objects_of"])}
 
 
 def floor_and_ceiling(table: pd.DataFrame) -> str:
