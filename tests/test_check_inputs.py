@@ -29,7 +29,7 @@ def edit(folder, **changes):
 
 @pytest.fixture
 def workplace(tmp_path, monkeypatch):
-    """The project without git, as the current directory; trials of the user's own are in the outputs of two stages."""
+    """The project, as the current directory; trials of the user's own lie in the outputs of two stages."""
     for name in ("src", "stages", "inputs"):
         (tmp_path / name).symlink_to(ROOT / name)
     for name in ("dvc.yaml", "params.yaml"):
@@ -37,9 +37,14 @@ def workplace(tmp_path, monkeypatch):
     for name in ("data/recordings", "data/objects/test"):
         (tmp_path / name).mkdir(parents=True)
         (tmp_path / name / "mine.mcap").write_text("an afternoon's work")
-    assert dvc(tmp_path, "init", "--no-scm", "--quiet").returncode == 0
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def repository(workplace):
+    assert dvc(workplace, "init", "--no-scm", "--quiet").returncode == 0
+    return workplace
 
 
 @pytest.mark.parametrize(
@@ -51,29 +56,29 @@ def workplace(tmp_path, monkeypatch):
         ("data/recordings", ["repro", "--single-item", "record_robot"]),
     ],
 )
-def test_repro_removes_no_recordings(workplace, folder, arguments):
+def test_repro_removes_no_recordings(repository, folder, arguments):
     if target := folder.partition("link to ")[2]:
         folder = "link"
-        (workplace / folder).symlink_to(target)
-    edit(workplace, robot={"source": "folder", "folder": folder}, meshes={"train": 1, "test": 1})
-    assert dvc(workplace, *arguments).returncode != 0
+        (repository / folder).symlink_to(target)
+    edit(repository, robot={"source": "folder", "folder": folder}, meshes={"train": 1, "test": 1})
+    assert dvc(repository, *arguments).returncode != 0
     for name in ("data/recordings", "data/objects/test"):
-        assert (workplace / name / "mine.mcap").read_text() == "an afternoon's work"
+        assert (repository / name / "mine.mcap").read_text() == "an afternoon's work"
 
 
-def test_folders_with_odd_names_are_watched(workplace):
+def test_folders_with_odd_names_are_watched(repository):
     """`#1`, `o'neil` and the like reach DVC, and come back from dvc.lock, as they are."""
-    shutil.rmtree(workplace / "data")
+    shutil.rmtree(repository / "data")
     folders = {"meshes": 'Größe, #1 (a=b) {c} [d] "e"', "robot": "o'neil\\ 1e3: & *"}
     for section, folder in folders.items():
-        (workplace / folder).mkdir()
-        (workplace / folder / "file").touch()
-        edit(workplace, **{section: {"folder": folder}})
-    done = dvc(workplace, "repro", "check_inputs")
+        (repository / folder).mkdir()
+        (repository / folder / "file").touch()
+        edit(repository, **{section: {"folder": folder}})
+    done = dvc(repository, "repro", "check_inputs")
     assert done.returncode == 0, done.stderr
-    lock = yaml.safe_load((workplace / "dvc.lock").read_text(encoding="utf-8"))
+    lock = yaml.safe_load((repository / "dvc.lock").read_text(encoding="utf-8"))
     assert set(folders.values()) <= {dep["path"] for dep in lock["stages"]["check_inputs"]["deps"]}
-    assert "up to date" in dvc(workplace, "status", "check_inputs").stdout
+    assert "up to date" in dvc(repository, "status", "check_inputs").stdout
 
 
 @pytest.mark.parametrize(
