@@ -10,6 +10,7 @@ SHELL := bash
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 # dvc, and the `python` in dvc.yaml's commands, are the ones in .venv.
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
+CODE := benchmarks src stages tests
 STAMP := .venv/.made-from-lock
 
 .PHONY: repro test bench setup lock clean python
@@ -18,21 +19,25 @@ repro: setup
 	graspfn check
 	dvc repro
 
-# The hooks are ruff, ruff format and mypy. pytest comes last: its closing line is the verdict.
+# What the hooks of .pre-commit-config.yaml run, which ask for git. pytest comes last: its closing line is the verdict.
 test: setup
 	graspfn check
-	pre-commit run --all-files
+	ruff check $(CODE)
+	ruff format --check $(CODE)
+	mypy
 	pytest --numprocesses auto --maxprocesses 4 --dist loadfile
 
 bench: setup
 	graspfn check
 	python benchmarks/run.py
 
+# An unpacked archive is no git repository, which DVC has to be told once.
 setup: $(STAMP)
+	@test -e .git || git rev-parse 2>/dev/null || dvc config core.no_scm true
 
 # Rebuilt from nothing, so that a package that left the lock leaves .venv as well.
 $(STAMP): requirements.lock pyproject.toml | python
-	$(PYTHON) -m venv --clear .venv
+	"$(PYTHON)" -m venv --clear .venv
 	.venv/bin/python -m pip install -qq --disable-pip-version-check --requirement requirements.lock
 	.venv/bin/python -m pip install -qq --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	touch $@
@@ -40,7 +45,7 @@ $(STAMP): requirements.lock pyproject.toml | python
 # One lock for running and developing. Left out of it: local version tags and CUDA's own packages, which belong to
 # the build of torch that a machine gets, not to this project.
 lock: | python
-	$(PYTHON) -m venv --clear .venv-lock
+	"$(PYTHON)" -m venv --clear .venv-lock
 	.venv-lock/bin/python -m pip install -qq --disable-pip-version-check '.[dev,opengl,bench]'
 	{ echo "# Every package in .venv. Made by \`make lock\` from pyproject.toml; do not edit."; \
 	  echo "# torch is pinned without a local tag: where pip finds a CUDA build, it adds the nvidia-* packages of that build."; \
@@ -53,7 +58,7 @@ clean:
 	rm -rf .venv .venv-lock
 
 python:
-	@$(or $(PYTHON),false) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
+	@"$(or $(PYTHON),false)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
 	  || { echo "Python 3.11 or later not found: apt-get install python3 python3-venv"; exit 1; }
-	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null \
+	@"$(PYTHON)" -c 'import ensurepip, venv' 2>/dev/null \
 	  || { echo "$(PYTHON) cannot make virtual environments: apt-get install python3-venv"; exit 1; }

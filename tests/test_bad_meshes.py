@@ -19,6 +19,7 @@ from graspfn.imaging.render import render_depth
 from graspfn.meshes.errors import RejectedMeshError
 from graspfn.meshes.placed import RESTING, Resting
 from graspfn.physics.attempt import Grasper
+from graspfn.physics.bodies import SOLE_M, sole
 from graspfn.physics.culling import touches_nothing
 from graspfn.physics.settling import settle
 from graspfn.physics.world import Rig
@@ -180,6 +181,13 @@ def main(start, stop):
             traceback.print_exc()
             fates[repr(error)] += 1
         print(dict(fates), flush=True)
+
+
+def test_a_body_of_micrometres_has_a_sole():
+    """A strip, thicker in the middle: the vertices that stick out most in even directions lie in one plane."""
+    strip = trimesh.creation.annulus(0.5, 1, 0.3).apply_scale([0.05, 5e-6, 0.05])
+    points = sole(strip)
+    np.testing.assert_allclose(np.ptp(points, axis=0), strip.extents, atol=SOLE_M)
 
 
 def test_no_bad_mesh_takes_its_process_down():

@@ -5,6 +5,7 @@ The tests of this file share one run, and leave it as they found it.
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
@@ -71,11 +72,11 @@ class Workspace:
 
 
 def copy_of_the_project(folder: Path) -> Workspace:
-    listed = subprocess.run(["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True)
-    for name in filter(None, listed.stdout.splitlines()):
-        if (ROOT / name).is_file() and not name.startswith("reports/") and name != "dvc.lock":
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(ROOT / name, folder / name)
+    # What git ignores, without asking git: the checkout may be an unpacked archive, or another user's.
+    files = (ROOT / ".gitignore", ROOT / ".dvc/.gitignore")
+    ignored = [line.strip("/") for file in files for line in file.read_text().splitlines()]
+    leave_out = shutil.ignore_patterns(*ignored, ".git", "shared", "reports", "dvc.lock")
+    shutil.copytree(ROOT, folder, ignore=leave_out, dirs_exist_ok=True)
     workspace = Workspace(folder)
     workspace.git("init", "-q", "-b", "main")
     return workspace
@@ -128,6 +129,20 @@ def test_every_figure_is_drawn(smoke: Workspace) -> None:
     assert {f"{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")} <= drawn
     page = (smoke.folder / "reports/index.html").read_text()
     assert page.count("data:image/png;base64") == sum(name.endswith(".png") for name in drawn)
+
+
+@pytest.mark.parametrize("networks", [["alexnet", "fcn"], ["fcn"]])
+def test_plots_show_the_networks_that_there_are(
+    smoke: Workspace, edited: Callable[[str, Any], None], networks: list[str]
+) -> None:
+    edited("networks", networks)
+    done = smoke.run("dvc", "plots", "show", "--json")
+    assert "failed" not in done.stderr
+    shown = json.loads(done.stdout)
+    assert not shown.get("errors")
+    drawn = {name for name, plots in shown["data"].items() if plots}
+    losses = {f"data/networks/{network}-0/history.csv" for network in networks}
+    assert drawn == losses | {"Success against position uncertainty (Table 1)"}
 
 
 @pytest.mark.parametrize("split", ["train", "test"])

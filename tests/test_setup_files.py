@@ -10,6 +10,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from typer.testing import CliRunner
@@ -44,10 +45,22 @@ def test_dvc_never_composes_conf_and_reports_nothing():
     assert not config.getboolean("core", "autostage")
 
 
+def test_make_test_runs_what_the_hooks_run():
+    hooks = [
+        hook["entry"]
+        for repo in yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"]
+        for hook in repo["hooks"]
+    ]
+    recipe = re.search(r"^test: setup\n((\t.*\n)+)", (ROOT / "Makefile").read_text(), re.MULTILINE)[1]
+    lines = [line.strip().removesuffix(" $(CODE)") for line in recipe.splitlines()]
+    assert [line for line in lines if line in hooks] == hooks
+
+
 @pytest.fixture
 def workplace(tmp_path, monkeypatch):
-    """A directory with the repository's params.yaml, as the current one."""
+    """A directory with the repository's params.yaml and the folders that it names, as the current one."""
     shutil.copy(ROOT / "params.yaml", tmp_path)
+    (tmp_path / "inputs").symlink_to(ROOT / "inputs")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

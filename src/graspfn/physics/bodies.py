@@ -8,7 +8,7 @@ from pathlib import Path
 import dartpy as dart
 import numpy as np
 import trimesh
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 from graspfn.meshes.mass import mass_properties
 from graspfn.physics.gripper import Kinematics
@@ -41,7 +41,10 @@ def sole(mesh: trimesh.Trimesh) -> np.ndarray:
     directions = np.column_stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z])
     kept = np.unique(np.argmax(points @ directions.T, axis=0))
     while True:  # every round adds, over each facet, the vertex that sticks out most
-        planes = ConvexHull(points[kept]).equations
+        try:
+            planes = ConvexHull(points[kept]).equations
+        except QhullError:  # those kept lie in one plane, of a body of micrometres
+            return points
         heights = points @ planes[:, :3].T + planes[:, 3]
         over, out = heights.argmax(axis=1), heights.max(axis=1)
         order = np.argsort(-out, kind="stable")
