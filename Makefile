@@ -31,9 +31,10 @@ bench: setup
 	graspfn check
 	python benchmarks/run.py
 
-# An unpacked archive is no git repository, which DVC has to be told once.
+# DVC has to be told that an unpacked archive is no git repository. It reads one that git refuses, all but for its diffs.
 setup: $(STAMP)
-	@test -e .git || git rev-parse 2>/dev/null || dvc config core.no_scm true
+	@git rev-parse 2>/dev/null || { test ! -e .git && dvc config core.no_scm true; } \
+	  || echo "git refuses this folder, and dvc's diffs with it; if another user's, git config --global --add safe.directory '$(CURDIR)'"
 
 # Rebuilt from nothing, so that a package that left the lock leaves .venv as well.
 $(STAMP): requirements.lock pyproject.toml | python
