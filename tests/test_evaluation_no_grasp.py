@@ -19,6 +19,7 @@ from graspfn.physics.attempt import Outcome, Result
 from graspfn.planning.smoothing import PlanningError
 from graspfn.planning.uncertainty import PoseUncertainty
 from graspfn.reporting import tables
+from graspfn.reporting.plans import plans_of
 from graspfn.robot import simulated
 from graspfn.robot.analyse import analyse
 from graspfn.robot.read import read_trial
@@ -68,12 +69,12 @@ def test_trials_without_a_grasp_fail_and_try_nothing(tmp_path):
     write_parquet(tmp_path / "trials.parquet", rows)
     pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "trials.parquet"), rows)
 
-    table = tables.table1(rows)
+    table = tables.table1(plans_of(rows), frozenset())
     for line in table.to_dict("records"):
         found = line["network"] == "good"
         assert (line["success"], line["trials"], line["no_grasp"]) == ((1.0, 1, 0) if found else (0.0, 1, 1))
     assert "In 6 of the 10 trials the method found no grasp, which is a failure." in tables.caption1(table, "made")
-    assert "no grasp" not in tables.caption1(tables.table1(rows[~without]), "made")
+    assert "no grasp" not in tables.caption1(tables.table1(plans_of(rows[~without]), frozenset()), "made")
 
 
 def test_a_function_of_nan_is_a_fault_and_not_a_trial():

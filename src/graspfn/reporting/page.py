@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import jinja2
+import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
@@ -107,21 +108,21 @@ DIFFERENCES = {
     "robust_minus_centroid": "Robust less Centroid",
     "ceiling_minus_robust": "ceiling less Robust",
 }
-BLOCKS = {ALL: "all objects", GRASPABLE: "those that can be held"}
+BLOCKS = {ALL: "all test objects", GRASPABLE: "those that can be held"}
 
 
-def gains(numbers: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
-    """(table and objects, network, which difference, its value with interval), over all cells."""
+def gains(numbers: Mapping[str, Any]) -> tuple[list[str], list[list[str]]]:
+    """Headings, and a row for every network and difference: in each block of Table 1 and in Table 2, over all cells."""
+    parts = {f"Table 1, {BLOCKS[block]}": entry for block, entry in numbers["table1"].items()}
+    parts["Table 2"] = numbers["table2"]
     rows = []
-    for block, entry in numbers["table1"].items():
-        for network in [*trained(entry), slug(TRUE)]:
-            own = entry.get(network, {})
-            where, whose = f"Table 1, {BLOCKS[block]}", network.replace("_", " ") if network == slug(TRUE) else network
-            rows += [(where, whose, what, gain(own[key])) for key, what in DIFFERENCES.items() if key in own]
-    for network, entry in numbers["table2"].items():
-        if isinstance(entry, Mapping) and (found := entry.get("robust_minus_best")):
-            rows.append(("Table 2", network, DIFFERENCES["robust_minus_best"], gain(found)))
-    return rows
+    for network in [*trained(numbers["table1"][ALL]), slug(TRUE)]:
+        whose = TRUE if network == slug(TRUE) else network
+        for key, what in DIFFERENCES.items():
+            found = [part.get(network, {}).get(key) for part in parts.values()]
+            if any(found):
+                rows.append([whose, what, *(gain(one) if one else DASH for one in found)])
+    return ["Network", "Difference", *parts], rows
 
 
 def counts(inputs: ReportInputs) -> list[tuple[str, str]]:
@@ -166,6 +167,8 @@ def uncertainty(inputs: ReportInputs) -> list[tuple[str, str, str]]:
     """(condition, sigma_uv, sigma_theta), as estimated from the recordings."""
 
     def estimate(row: pd.Series, key: str) -> str:
+        if np.isnan(row[key]):  # one draw says nothing of its spread
+            return DASH
         return f"{row[key]:.1f} [{row[f'{key}_low']:.1f}, {row[f'{key}_high']:.1f}]"
 
     return [

@@ -16,16 +16,16 @@ HEADLINE = "success_uv5_theta10"
 Numbers = Mapping[str, Any]
 
 
-def interval(found: Numbers) -> str:
-    """Such as "[0.51, 0.62]" of numbers with ci_low and ci_high; nothing where there is none."""
+def interval(found: Numbers, digits: int = 2) -> str:
+    """Such as " [0.51, 0.62]" of numbers with ci_low and ci_high; nothing where there is none."""
     if found["ci_low"] is None or found["ci_high"] is None:
         return ""
-    return f" [{found['ci_low']:.2f}, {found['ci_high']:.2f}]".replace("-", "−")
+    return f" [{found['ci_low']:.{digits}f}, {found['ci_high']:.{digits}f}]".replace("-", "−")
 
 
 def gain(found: Numbers) -> str:
-    """A difference with its sign and interval: "+0.055 [0.01, 0.10]"."""
-    return f"{found['value']:+.3f}".replace("-", "−") + interval(found)
+    """A difference with its sign and interval: "+0.055 [0.012, 0.097]"; whether that holds 0 is to be seen."""
+    return f"{found['value']:+.3f}".replace("-", "−") + interval(found, digits=3)
 
 
 def trained(block: Numbers) -> dict[str, Numbers]:

@@ -129,9 +129,11 @@ def _results(inputs: ReportInputs, table1: pd.DataFrame) -> Iterator[Plate]:
     yield from success.plates(table1, plans, inputs.graspable, inputs.widths_m, by_success(table1))
     yield from promise.plates(table1, plans)
     yield from expected.plates(table1, plans)
+    starts = inputs.params.training_seeds
+    which = f" Of {len(starts)} training seeds the first." if len(starts) > 1 else ""
     yield Plate(
         "training_curves",
-        "Loss of every gradient step (faint) and its mean over the last twentieth of the run.",
+        f"Loss of every gradient step (faint) and its mean over the last twentieth of the run.{which}",
         training_curves.draw_training_curves(inputs.pretraining, inputs.training),
     )
     yield Plate(
