@@ -285,6 +285,14 @@ def test_a_folder_that_dvc_would_remove_is_refused_before_anything_is_written(wo
     assert (workplace / "params.yaml").read_text() == before
 
 
+def test_a_file_that_cannot_be_written_is_one_line(workplace):
+    (workplace / "params.yaml").mkdir()
+    result = CliRunner().invoke(app, ["params"])
+    assert result.exit_code == 2
+    assert result.stderr == "params.yaml: cannot be written: Is a directory\n"
+    assert CliRunner().invoke(app, ["check"]).stderr.startswith("params.yaml: cannot be read: Is a directory\n")
+
+
 def test_params_away_from_conf_says_where_it_looked(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     result = CliRunner().invoke(app, ["params"])

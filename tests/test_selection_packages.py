@@ -43,7 +43,7 @@ def package(tmp_path, monkeypatch, cache):
         archive.writestr("boxes-1.0.dist-info/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
         archive.writestr("boxes-1.0.dist-info/RECORD", "")
     monkeypatch.setenv("PIP_NO_INDEX", "1")
-    monkeypatch.setenv("PIP_FIND_LINKS", str(shelf))
+    monkeypatch.setenv("PIP_FIND_LINKS", shelf.as_uri())
     sha256 = hashlib.sha256(wheel.read_bytes()).hexdigest()
     release = Release("boxes", "1.0", sha256, 0.1, WHEEL, r"boxes/meshes/(\w+/\w+\.stl)")
     return Package("boxes", release, len(NAMES), 0.5, "MIT", lambda path: (path.stem, "box", path.parent.name))
@@ -97,7 +97,7 @@ def test_a_file_of_another_hash_is_refused(package, cache):
 
 
 def test_without_the_package_in_reach_the_line_says_what_it_takes(package, cache, monkeypatch, tmp_path):
-    monkeypatch.setenv("PIP_FIND_LINKS", str(tmp_path))
+    monkeypatch.setenv("PIP_FIND_LINKS", tmp_path.as_uri())
     message = failure(package)
     assert message.startswith("boxes: pip could not get boxes 1.0 (No matching distribution found for boxes==1.0")
     assert "package index" in message

@@ -50,11 +50,12 @@ def params(
 
     try:
         text = render(compose(overrides or []))
+        with atomic(Path("params.yaml")) as temporary:
+            temporary.write_text(text, encoding="utf-8")
     except ParameterError as error:
-        typer.echo(str(error), err=True)
-        raise typer.Exit(2) from None
-    with atomic(Path("params.yaml")) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        _end_at([str(error)], 2)
+    except OSError as error:
+        _end_at([f"params.yaml: cannot be written: {error.strerror}"], 2)
 
 
 @app.command()
