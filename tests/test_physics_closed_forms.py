@@ -10,7 +10,7 @@ import pytest
 import trimesh
 from physics_params import ATTEMPT, GRIPPER, JAW, JAW_ATTEMPT, PHYSICS, touching_poses
 
-from graspfn.evaluation.trials import Bench
+from graspfn.evaluation.bench import Bench, Scene
 from graspfn.geometry.transforms import move_pose, rotation_z, translation
 from graspfn.meshes.placed import Resting
 from graspfn.params import Gripper
@@ -148,6 +148,7 @@ def test_moving_and_turning_an_object_moves_its_grasps(shift: tuple[float, float
     wedge.apply_translation(-wedge.center_mass)
     resting = upright(wedge)
     moved = replace(resting, T_world_object=translation(shift[0], -shift[1]) @ upright(wedge, theta).T_world_object)
-    poses, bench = move_pose(touching_poses(resting, 40), np.array(shift), theta), Bench(resting, RIG)
-    there = np.array([bench.grasp(q, np.array(shift), theta).held for q in poses])
+    scene = Scene("wedge", np.empty((0, 0)), np.array(shift), theta)
+    poses, bench = scene.moved(touching_poses(resting, 40)), Bench(resting, RIG, scene)
+    there = np.array([bench.grasp(q).held for q in poses])
     assert agreement(held(Grasper(moved, RIG), poses), there) >= least
