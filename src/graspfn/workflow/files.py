@@ -37,7 +37,9 @@ def write_npz(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     """A compressed .npz whose bytes depend on the arrays alone (numpy's own carries the time of day)."""
     with atomic(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
         for name in sorted(arrays):
-            with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as file:
+            entry = zipfile.ZipInfo(f"{name}.npy")
+            entry.compress_type = zipfile.ZIP_DEFLATED  # an entry of one's own does not take the archive's
+            with archive.open(entry, "w", force_zip64=True) as file:
                 np.lib.format.write_array(file, np.asanyarray(arrays[name]), allow_pickle=False)
 
 
