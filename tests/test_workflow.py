@@ -117,6 +117,11 @@ def test_npz_round_trip_and_equal_bytes(tmp_path: Path) -> None:
         np.testing.assert_array_equal(array, arrays[name])
 
 
+def test_npz_are_compressed(tmp_path: Path) -> None:
+    write_npz(tmp_path / "a.npz", {"zeros": np.zeros(10**6, dtype=np.uint8)})
+    assert (tmp_path / "a.npz").stat().st_size < 10_000
+
+
 def test_a_truncated_npz_is_one_line(tmp_path: Path) -> None:
     write_npz(tmp_path / "a.npz", {"f": np.zeros(100)})
     data = (tmp_path / "a.npz").read_bytes()
