@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-from isolated import Died, isolated
+from isolated import finished, isolated
 from objects import NUDGE, committed, resting_objects, rig_of, touching
 from worlds import WatchedGrasper
 
@@ -112,12 +112,8 @@ def main() -> None:
     step, detector = arguments.step_ms or params.physics.time_step_ms, arguments.detector or params.physics.detector
     rig = varied(rig_of(params), time_step_ms=step, detector=detector)
     tasks = [(name, resting, rig, arguments.attempts, params.seed) for name, resting in objects]
-    tables = []
-    for (name, _), table in zip(objects, isolated(study, tasks, arguments.workers, "study"), strict=True):
-        if isinstance(table, Died):
-            print(f"left out {name}: {table}")
-        else:
-            tables.append(table)
+    names = (name for name, _ in objects)
+    tables = [table for _, table in finished(names, isolated(study, tasks, arguments.workers, "study"))]
     print(f"{detector}, time step {step:g} ms")
     print_changes(pd.concat(tables))
     print_contacts(pd.concat(tables))

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from convex import SOLIDS, convex_objects
-from isolated import Died, isolated
+from isolated import finished, isolated
 from mujoco_grasp import ADVISED, MujocoGrasper
 from objects import NUDGE, committed, rig_of, touching
 
@@ -140,10 +140,8 @@ def main() -> None:
     objects = list(convex_objects(params, arguments.objects, arguments.workers))
     tasks = [(name, resting, params, arguments.attempts) for name, resting in objects]
     rows, lost, seconds = [], [], []
-    for (name, _), done in zip(objects, isolated(compare, tasks, arguments.workers, "grasp"), strict=True):
-        if isinstance(done, Died):
-            print(f"left out {name}: {done}")
-            continue
+    names = (name for name, _ in objects)
+    for name, done in finished(names, isolated(compare, tasks, arguments.workers, "grasp")):
         rows.append(done.held.assign(object=name))
         lost += done.lost
         seconds.append(done.seconds)

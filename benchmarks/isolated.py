@@ -5,7 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Connection
 from typing import Any, TypeVar
@@ -48,6 +48,15 @@ def isolated(
 
     with ThreadPoolExecutor(workers) as threads:
         yield from tqdm(threads.map(alone, tasks), total=len(tasks), desc=label, smoothing=0.1)
+
+
+def finished(names: Iterable[str], results: Iterable[T | Died]) -> Iterator[tuple[str, T]]:
+    """Name and result of every task that gave one; the others are told."""
+    for name, result in zip(names, results, strict=True):
+        if isinstance(result, Died):
+            print(f"left out {name}: {result}")
+        else:
+            yield name, result
 
 
 def _answer(send: Connection, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:

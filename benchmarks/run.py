@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from isolated import Died, isolated
+from isolated import finished, isolated
 from objects import committed, resting_objects, rig_of, touching, unculled
 
 from graspfn.evaluation.statistics import Proportion, proportion
@@ -120,13 +120,9 @@ def main() -> None:
     params = committed()
     objects = resting_objects(params, arguments.objects, arguments.workers)
     tasks = [(name, resting, params, arguments.sample) for name, resting in objects]
-    names, done = [], []
-    for (name, _), measured in zip(objects, isolated(measure, tasks, arguments.workers, "bench"), strict=True):
-        if isinstance(measured, Died):
-            print(f"left out {name}: {measured}")
-        else:
-            names.append(name)
-            done.append(measured)
+    drawn = (name for name, _ in objects)
+    measured = dict(finished(drawn, isolated(measure, tasks, arguments.workers, "bench")))
+    names, done = list(measured), list(measured.values())
     print_labelling(names, done)
     print_agreement(done)
     print("reproduce: python benchmarks/" + " ".join(["run.py", *sys.argv[1:]]))

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import dartpy as dart
 import numpy as np
 import pandas as pd
-from isolated import Died, isolated
+from isolated import finished, isolated
 from objects import committed, resting_objects, rig_of, touching
 
 from graspfn.meshes.placed import Resting
@@ -72,13 +72,8 @@ def main() -> None:
     rig = rig_of(params)
     objects = resting_objects(params, arguments.objects, arguments.workers)
     tasks = [(name, resting, rig, arguments.attempts, params.seed) for name, resting in objects]
-    tables = []
-    for (name, _), one in zip(objects, isolated(study, tasks, arguments.workers, "stops"), strict=True):
-        if isinstance(one, Died):
-            print(f"left out {name}: {one}")
-        else:
-            tables.append(one)
-    table = pd.concat(tables)
+    names = (name for name, _ in objects)
+    table = pd.concat([one for _, one in finished(names, isolated(study, tasks, arguments.workers, "stops"))])
     print(f"{table['attempt'].nunique()} attempts, {table.groupby('attempt')['held'].first().mean():.1%} held")
     for rule, (grip_m, half) in enumerate(RULES):
         of_rule = table[table["rule"] == rule]

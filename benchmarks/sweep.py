@@ -17,7 +17,6 @@ import numpy as np
 import pandas as pd
 from isolated import Died, isolated
 from objects import committed, resting_objects, rig_of
-from scipy.spatial import ConvexHull
 
 from graspfn.evaluation.statistics import proportion
 from graspfn.geometry.transforms import apply
@@ -28,6 +27,7 @@ from graspfn.physics.labelling import label_object
 from graspfn.physics.world import Rig
 from graspfn.planning.methods import robust_best_grasp
 from graspfn.planning.uncertainty import PoseUncertainty
+from graspfn.reporting.sizes import narrowest_width
 from graspfn.seeds import generator
 from graspfn.workflow.cores import cores
 
@@ -54,15 +54,6 @@ def changed(rig: Rig, setting: dict[str, float]) -> Rig:
         keys = {field.name for field in dataclasses.fields(own)}
         sections[section.name] = dataclasses.replace(own, **{key: v for key, v in setting.items() if key in keys})
     return Rig(**sections)
-
-
-def narrowest(resting: Resting) -> float:
-    """Smallest width of the resting object between two upright planes, metres."""
-    outline = apply(resting.T_world_object, resting.mesh.vertices)[:, :2]
-    hull = outline[ConvexHull(outline).vertices]
-    edges = np.roll(hull, -1, axis=0) - hull
-    normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / np.linalg.norm(edges, axis=1, keepdims=True)
-    return float(np.ptp(hull @ normals.T, axis=0).min())
 
 
 def study(name: str, resting: Resting, rig: Rig, plan: Plan, attempts: int, seed: int) -> dict[str, float | str]:
@@ -95,7 +86,9 @@ def main() -> None:
     params = committed()
     opening = params.gripper.opening_mm / 1e3
     objects = resting_objects(params, arguments.objects, arguments.workers)
-    fitting = [(name, resting) for name, resting in objects if narrowest(resting) < opening]
+    fitting = [
+        (name, resting) for name, resting in objects if narrowest_width(resting.mesh, resting.T_world_object) < opening
+    ]
     print(f"{len(fitting)} of {len(objects)} objects are narrower than the gripper's {1e3 * opening:g} mm")
     rows = []
     for setting in SETTINGS[: arguments.settings]:

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
 import time
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +30,7 @@ from graspfn.reporting.film import film_best_grasp
 from graspfn.seeds import generator
 from graspfn.selection.cleaning import clean
 from graspfn.selection.selection import at_scale
+from graspfn.workflow.child import Died, alone
 from graspfn.workflow.files import write_npz
 from graspfn.workflow.parallel import map_objects
 
@@ -94,13 +92,11 @@ def label_mesh(path: Path, out: Path, params: Params, seed: int, size_cm: float 
 
 def _apart(function: Callable[..., Any], path: Path, *arguments: Any) -> Any:
     """What a function makes of a mesh file in a process of its own, lest libraries take this one down with theirs."""
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([__name__])
     line = tqdm(desc=f"{path.name}: clean and settle", bar_format="{desc}", leave=False, disable=None)
-    with line, ProcessPoolExecutor(1, context) as pool:
+    with line:
         try:
-            return pool.submit(function, path, *arguments).result()
-        except BrokenProcessPool:
+            return alone(function, path, *arguments)
+        except Died:
             why = "a library crashed on it, or there was too little memory"
             raise MeshError(f"{path}: the process that cleaned and settled it died ({why}); mend the mesh") from None
 

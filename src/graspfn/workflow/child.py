@@ -12,6 +12,7 @@ import queue
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from concurrent.futures import CancelledError
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
@@ -141,6 +142,15 @@ class Children:
 def packed(function: Any, arguments: tuple[Any, ...]) -> bytes:
     """A task as a child takes it; by value where its function is of the script that runs."""
     return cloudpickle.dumps((function, arguments))
+
+
+def alone(function: Callable[..., Any], *arguments: Any) -> Any:
+    """`function(*arguments)` in a child of its own, with what it raises; Died, if it takes the child down."""
+    with contextlib.closing(Children()) as children:
+        answer = pickle.loads(children.run(package_digest(), packed(function, arguments), fresh=True))
+    if isinstance(answer, Exception):
+        raise answer
+    return answer
 
 
 def _answer(payload: bytes) -> bytes:
