@@ -1,4 +1,4 @@
-"""Draw the shifts, rotations and noise seeds of the augmented training samples (paper VII)."""
+"""Draw the motions and noise seeds of the augmented training samples (paper VII)."""
 
 from pathlib import Path
 
@@ -19,7 +19,7 @@ def main(params: Declared) -> None:
     images = np.load(IMAGES, mmap_mode="r")
     ids = pd.read_parquet(INDEX)["id"].tolist()
     camera = Intrinsics.from_params(params.camera)
-    write_parquet(OUT, augmentation_table(images, ids, camera, params.augment.samples, params.seed))
+    write_parquet(OUT, augmentation_table(images, ids, camera, params.augment, params.seed))
 
 
 if __name__ == "__main__":

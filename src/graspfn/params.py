@@ -12,7 +12,7 @@ import re
 import types
 import typing
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -93,10 +93,36 @@ class Camera:
 
 @dataclass(frozen=True)
 class Noise:
-    """Depth noise of the paper's eq. 2 (IV-B)."""
+    """Depth noise of the paper's eq. 2 (IV-B), then what else networks with input: height_map are trained against."""
 
     sigma_p_px: Annotated[float, Key("std of pixel localisation, px", at_least=0)]
     sigma_d_mm: Annotated[float, Key("std of the depth measurement, mm", at_least=0)]
+    # Of what follows each training sample draws its own amount; docs/deviations.md has the sources of the defaults.
+    camera_tilt_deg: Annotated[
+        float, Key("most tilt of the camera, which looks at the middle of Q", at_least=0, at_most=45)
+    ] = 0.0
+    camera_height_mm: Annotated[
+        float, Key("most change of the camera's distance, mm, either way", at_least=0, at_most=200)
+    ] = 0.0
+    baseline_mm: Annotated[
+        float, Key("most distance of the projector or second camera, behind whose shadows no depth is, mm", at_least=0)
+    ] = 0.0
+    table_offset_mm: Annotated[float, Key("std of the table's height left over after its fit, mm", at_least=0)] = 0.0
+    table_tilt_deg: Annotated[float, Key("std of the table's slope left over after its fit, degrees", at_least=0)] = 0.0
+    wave_mm: Annotated[float, Key("most rms of slow errors of depth, of wavelengths 3 to 20 cm, mm", at_least=0)] = 0.0
+    scale: Annotated[float, Key("most relative error of heights, either way", at_least=0, at_most=0.5)] = 0.0
+    step_mm: Annotated[float, Key("most step between the depths that the camera tells apart, mm", at_least=0)] = 0.0
+    holes: Annotated[float, Key("most share of cells without depth, in blobs and speckle", at_least=0, at_most=0.9)] = (
+        0.0
+    )
+    edges: Annotated[
+        float,
+        Key("most share of cells at depth edges that lie between both sides or are unseen", at_least=0, at_most=1),
+    ] = 0.0
+    specks: Annotated[float, Key("most share of cells with a height of chance, up to 10 cm", at_least=0, at_most=1)] = (
+        0.0
+    )
+    clutter: Annotated[float, Key("share of samples with something else at the border", at_least=0, at_most=1)] = 0.0
 
 
 @dataclass(frozen=True)
@@ -181,9 +207,11 @@ class Label:
 
 @dataclass(frozen=True)
 class Augment:
-    """Random shifts and rotations of each training image (paper VII)."""
+    """Random shifts, rotations and reflections of each training image (paper VII)."""
 
     samples: Annotated[int, Key("augmented samples per training image", at_least=1)]
+    mirror: Annotated[bool, Key("every other sample is seen in a mirror, in which the gripper is the same")]
+    empty: Annotated[float, Key("share of samples without the object: every grasp fails", at_least=0, at_most=0.9)]
 
 
 @dataclass(frozen=True)
@@ -194,6 +222,12 @@ class Network:
     width: Annotated[int, Key("channels of the first convolution; deeper ones scale with it", at_least=1)]
     learning_rate: Annotated[float, Key("peak learning rate of AdamW", above=0)]
     weight_decay: Annotated[float, Key("weight decay of AdamW", at_least=0)]
+    input: Annotated[str, Key("what it sees", one_of=("depth", "height_map"))] = field(default="depth", kw_only=True)
+
+    @property
+    def channels(self) -> int:
+        """Of the input (B, channels, 132, 176): heights, and of a height map also where there are any."""
+        return 2 if self.input == "height_map" else 1
 
 
 @dataclass(frozen=True)

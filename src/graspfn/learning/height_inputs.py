@@ -1,0 +1,81 @@
+"""Inputs for networks with input: height_map, made while training: moved height maps as a depth camera measures them.
+
+Whole batches at once, on the device that trains. The motion is exact, as a map from straight above has no parallax.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import torch
+
+from graspfn.geometry.grid import CELL_M, CELL_PX
+from graspfn.imaging.network_input import UNIT_M
+from graspfn.imaging.orthographic import FINE_M, FINE_SHAPE
+from graspfn.learning.draws import triangular4
+from graspfn.learning.motions import Motions
+from graspfn.learning.sensor import View, read_at, sense
+from graspfn.params import Noise
+
+BAND_M = 0.005  # of what is in a cell, the highest and all that is no more than this below it are averaged
+# Pixels in a quarter of a cell, where a camera of the paper's stands: the jitter of their mean is so much less.
+PIXELS = (CELL_PX * FINE_M / CELL_M) ** 2
+
+
+def cells(fine: torch.Tensor) -> torch.Tensor:
+    """(B, 264, 352) -> (B, 132, 176): as `imaging.height_map` sums up what is in a cell, its top."""
+    quarters = [fine[:, i::2, j::2] for i in (0, 1) for j in (0, 1)]
+    top = torch.maximum(torch.maximum(quarters[0], quarters[1]), torch.maximum(quarters[2], quarters[3])) - BAND_M
+    total, count = torch.zeros_like(top), torch.zeros_like(top)
+    for quarter in quarters:
+        near = (quarter >= top).to(torch.float32)
+        count += near
+        total += near.mul_(quarter)
+    return total / count
+
+
+class HeightInputs:
+    """(B, 2, 132, 176) float32 of the lines of an augmentation table: heights in 0.1 m, and 1 where any were seen.
+
+    maps: (N, 264, 352) float32, of `imaging.orthographic`, one object in the centre of each; may be a memory map.
+    """
+
+    def __init__(self, maps: np.ndarray, table: pd.DataFrame, view: View, noise: Noise):
+        self.maps: np.ndarray | torch.Tensor = maps
+        self.view, self.noise = view, noise
+        self.rows, self.motions = table["row"].to_numpy(), Motions.of(table)
+        self.seeds = torch.from_numpy(table["noise_seed"].to_numpy().astype(np.int64))
+        rows, columns = FINE_SHAPE
+        self.u = torch.arange(columns, dtype=torch.float32)[None, :] - (columns - 1) / 2
+        self.v = torch.arange(rows, dtype=torch.float32)[:, None] - (rows - 1) / 2
+
+    def to(self, device: torch.device) -> None:
+        """Batches are made there from now on."""
+        self.maps = torch.from_numpy(np.array(self.maps)).to(device)
+        self.u, self.v = self.u.to(device), self.v.to(device)
+
+    def moved(self, indices: list[int]) -> torch.Tensor:
+        """(B, 132, 176) true heights after the motion, metres, of pixels read askew as eq. 2 says."""
+        rows = self.rows[indices]
+        maps = torch.from_numpy(self.maps[rows]) if isinstance(self.maps, np.ndarray) else self.maps[rows]
+        u, v = self.u, self.v
+        if self.noise.sigma_p_px:
+            seeds = self.seeds[indices].to(maps.device)
+            askew = triangular4(seeds, "pixels", FINE_SHAPE[0], FINE_SHAPE[1] // 2).view(len(rows), 2, *FINE_SHAPE)
+            askew *= self.noise.sigma_p_px * CELL_M / CELL_PX / FINE_M / PIXELS**0.5
+            u, v = u + askew[:, 0], v + askew[:, 1]
+        motions = self.motions[indices]
+        there = cells(read_at(maps, *motions.origins(u, v, FINE_M)))
+        return motions.finish(there, there.flip(1))
+
+    def batch(self, indices: list[int]) -> torch.Tensor:
+        heights, seen = sense(self.moved(indices), self.seeds[indices], self.noise, self.view)
+        return torch.stack([heights / UNIT_M, seen.to(torch.float32)], dim=1)
+
+    def settings(self) -> object:
+        """What a digest is made of, beside the table and the maps."""
+        return self.view, self.noise
+
+    def source(self) -> np.ndarray:
+        """The maps."""
+        return self.maps if isinstance(self.maps, np.ndarray) else self.maps.cpu().numpy()

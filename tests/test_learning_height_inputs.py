@@ -1,0 +1,130 @@
+"""Inputs with heights: the moved map of the moved object, exactly, and batches that are no more than their lines."""
+
+import dataclasses
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+import trimesh
+from scipy import ndimage
+
+from graspfn.geometry.transforms import T_world_scene, translation
+from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.orthographic import render_heights
+from graspfn.learning.dataset import Samples
+from graspfn.learning.height_inputs import HeightInputs, cells
+from graspfn.learning.sensor import View
+from graspfn.learning.targets import GraspTargets
+from graspfn.learning.training import _made_here
+from graspfn.params import Noise
+
+torch.set_num_threads(1)
+VIEW = View.of(Intrinsics(640, 480, 570.0))
+CLEAN = Noise(0.0, 0.0)
+ALL = Noise(1.0, 1.5, 20.0, 20.0, 75.0, 1.0, 0.3, 1.5, 0.02, 3.0, 0.3, 0.5, 0.002, 0.2)
+MESHES = [trimesh.creation.box((0.12, 0.05, 0.04)), trimesh.creation.cone(0.04, 0.07)]
+RESTING = [translation(0.0, 0.0, 0.02), translation(0.02, 0.01, 0.0)]
+
+
+@pytest.fixture(scope="module")
+def maps():
+    return np.stack([render_heights(mesh, T) for mesh, T in zip(MESHES, RESTING, strict=True)])
+
+
+@pytest.fixture(scope="module")
+def table():
+    rng = np.random.default_rng(0)
+    n = 12
+    return pd.DataFrame(
+        {
+            "row": np.arange(n) % 2,
+            "shift_u_m": rng.uniform(-0.1, 0.1, n),
+            "shift_v_m": rng.uniform(-0.06, 0.06, n),
+            "theta_rad": rng.uniform(0, 2 * np.pi, n),
+            "mirrored": np.arange(n) % 3 == 0,
+            "empty": np.arange(n) == 7,
+            "noise_seed": rng.integers(2**32, size=n, dtype=np.uint32),
+        }
+    )
+
+
+def rendered(line):
+    """The map (132, 176) of the object moved first and rendered then; mirrored last."""
+    T = T_world_scene(np.array([line["shift_u_m"], line["shift_v_m"]]), line["theta_rad"])
+    moved = cells(torch.from_numpy(render_heights(MESHES[line["row"]], T @ RESTING[line["row"]]))[None])[0].numpy()
+    return (moved[::-1] if line["mirrored"] else moved) * (not line["empty"])
+
+
+def test_moving_the_map_is_moving_the_object(maps, table):
+    moved = HeightInputs(maps, table, VIEW, CLEAN).moved(list(range(len(table)))).numpy()
+    for ours, (_, line) in zip(moved, table.iterrows(), strict=True):
+        expected = rendered(line)
+        off = np.abs(ours - expected)
+        assert (off > 0.002).sum() < 0.15 * max((expected > 0).sum(), 1)  # at the outline, a quarter of a cell wide
+        assert np.median(off[expected > 0.01]) < 2e-4 if expected.any() else not ours.any()
+        assert ours.sum() == pytest.approx(expected.sum(), rel=0.02)
+
+
+def test_without_noise_what_is_seen_is_the_moved_map(maps, table):
+    inputs = HeightInputs(maps, table, VIEW, CLEAN)
+    heights, seen = inputs.batch(list(range(len(table)))).unbind(1)
+    assert heights.shape == (len(table), 132, 176)
+    assert set(seen.unique().tolist()) == {0.0, 1.0}
+    assert torch.equal(heights, inputs.moved(list(range(len(table)))) / 0.1 * seen)
+    assert seen.mean() > 0.97
+
+
+def test_a_sample_depends_on_its_line_alone(maps, table):
+    """Whatever the batch, the table around it and where the maps are; half of the lines differ in their noise alone."""
+    inputs = HeightInputs(maps, table, VIEW, ALL)
+    together = inputs.batch([3, 1, 8, 5, 2])
+    for place, index in enumerate([3, 1, 8, 5, 2]):
+        assert torch.equal(inputs.batch([index])[0], together[place])
+        alone = HeightInputs(maps, table.iloc[[index]].reset_index(drop=True), VIEW, ALL)
+        assert torch.equal(alone.batch([0])[0], together[place])
+    elsewhere = HeightInputs(maps, table, VIEW, ALL)
+    elsewhere.to(torch.device("cpu"))
+    assert torch.equal(elsewhere.batch([3, 1, 8, 5, 2]), together)
+    other = HeightInputs(maps, table.assign(noise_seed=table["noise_seed"] + np.uint32(1)), VIEW, ALL)
+    assert not torch.equal(other.batch([3]), inputs.batch([3]))
+
+
+def test_blocks_on_a_device_are_the_same_batches(maps, table):
+    successes = np.random.default_rng(0).integers(0, 6, (2, 33, 44, 6)).astype(np.uint8)
+    samples = Samples(table, HeightInputs(maps, table, VIEW, ALL), GraspTargets(successes, 5, table))
+    places = [[0, 3], [1, 1], [5, 2], [4, 8]]
+    single = [samples.__getitems__(place) for place in places]
+    assert samples.to(torch.device("cpu"))
+    block = list(_made_here(samples, iter(places)))
+    assert len(block) == len(single)
+    for one, other in zip(single, block, strict=True):
+        assert all(torch.equal(a, b) for a, b in zip(one, other, strict=True))
+
+
+def test_jitter_of_pixels_shows_at_outlines_alone(maps, table):
+    line = pd.concat([table.iloc[[4]]] * 60).reset_index(drop=True).assign(noise_seed=np.arange(60, dtype=np.uint32))
+    moved = HeightInputs(maps, line, VIEW, dataclasses.replace(CLEAN, sigma_p_px=1.0)).moved(list(range(60))).numpy()
+    still = HeightInputs(maps, line, VIEW, CLEAN).moved([0]).numpy()[0]
+    spread = moved.std(axis=0)
+    within = ndimage.minimum_filter(still, 9) > 0.0399
+    assert within.any() and spread[:5].max() == 0 and spread[within].max() < 1e-6
+    outline = np.hypot(*np.gradient(still)) > 0.01
+    assert spread[outline].mean() > 0.002
+
+
+def test_a_cell_is_its_top_as_a_height_map_sums_it_up():
+    fine = torch.zeros(1, 264, 352)
+    fine[0, :2, :2] = torch.tensor([[0.050, 0.048], [0.020, 0.0]])
+    assert cells(fine)[0, 0, 0].item() == pytest.approx(0.049)
+    assert cells(fine)[0, 1:].max() == 0
+
+
+def test_digests_tell_noise_and_views_apart(maps, table):
+    successes = np.zeros((2, 33, 44, 6), np.uint8)
+    made = [
+        Samples(table, HeightInputs(maps, table, view, noise), GraspTargets(successes, 5, table)).digest()
+        for view, noise in ((VIEW, CLEAN), (VIEW, ALL), (View(0.5, VIEW.tan_u, VIEW.tan_v), CLEAN), (VIEW, CLEAN))
+    ]
+    assert len(set(made)) == 3
+    assert made[0] == made[3]
