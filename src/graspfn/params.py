@@ -97,7 +97,7 @@ class Noise:
 
     sigma_p_px: Annotated[float, Key("std of pixel localisation, px", at_least=0)]
     sigma_d_mm: Annotated[float, Key("std of the depth measurement, mm", at_least=0)]
-    # Of what follows each training sample draws its own amount; docs/deviations.md has the sources of the defaults.
+    # Of what follows each training sample draws its own amount; docs/training.md has their sources.
     camera_tilt_deg: Annotated[
         float, Key("most tilt of the camera, which looks at the middle of Q", at_least=0, at_most=45)
     ] = 0.0

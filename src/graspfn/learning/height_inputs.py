@@ -10,7 +10,7 @@ import pandas as pd
 import torch
 
 from graspfn.geometry.grid import CELL_M, CELL_PX
-from graspfn.imaging.network_input import UNIT_M
+from graspfn.imaging.network_input import INPUT_SHAPE, UNIT_M
 from graspfn.imaging.orthographic import FINE_M, FINE_SHAPE
 from graspfn.learning.draws import triangular4
 from graspfn.learning.motions import Motions
@@ -22,16 +22,10 @@ BAND_M = 0.005  # of what is in a cell, the highest and all that is no more than
 PIXELS = (CELL_PX * FINE_M / CELL_M) ** 2
 
 
-def cells(fine: torch.Tensor) -> torch.Tensor:
-    """(B, 264, 352) -> (B, 132, 176): as `imaging.height_map` sums up what is in a cell, its top."""
-    quarters = [fine[:, i::2, j::2] for i in (0, 1) for j in (0, 1)]
-    top = torch.maximum(torch.maximum(quarters[0], quarters[1]), torch.maximum(quarters[2], quarters[3])) - BAND_M
-    total, count = torch.zeros_like(top), torch.zeros_like(top)
-    for quarter in quarters:
-        near = (quarter >= top).to(torch.float32)
-        count += near
-        total += near.mul_(quarter)
-    return total / count
+def cells(quarters: torch.Tensor) -> torch.Tensor:
+    """(B, 4, 132, 176) -> (B, 132, 176): as `imaging.height_map` sums up what is in a cell, its top."""
+    near = (quarters >= quarters.amax(dim=1, keepdim=True) - BAND_M).to(torch.float32)
+    return (quarters * near).sum(dim=1) / near.sum(dim=1)
 
 
 class HeightInputs:
@@ -45,9 +39,10 @@ class HeightInputs:
         self.view, self.noise = view, noise
         self.rows, self.motions = table["row"].to_numpy(), Motions.of(table)
         self.seeds = torch.from_numpy(table["noise_seed"].to_numpy().astype(np.int64))
-        rows, columns = FINE_SHAPE
-        self.u = torch.arange(columns, dtype=torch.float32)[None, :] - (columns - 1) / 2
-        self.v = torch.arange(rows, dtype=torch.float32)[:, None] - (rows - 1) / 2
+        # Fine cells quarter by quarter: (528, 176) each, the first 132 rows those of the upper left ones.
+        v, u = (torch.arange(n, dtype=torch.float32).view(-1, 2).T - (n - 1) / 2 for n in FINE_SHAPE)
+        self.u = u[None, :, None].expand(2, 2, *INPUT_SHAPE).reshape(-1, INPUT_SHAPE[1]).contiguous()
+        self.v = v[:, None, :, None].expand(2, 2, *INPUT_SHAPE).reshape(-1, INPUT_SHAPE[1]).contiguous()
 
     def to(self, device: torch.device) -> None:
         """Batches are made there from now on."""
@@ -61,11 +56,11 @@ class HeightInputs:
         u, v = self.u, self.v
         if self.noise.sigma_p_px:
             seeds = self.seeds[indices].to(maps.device)
-            askew = triangular4(seeds, "pixels", FINE_SHAPE[0], FINE_SHAPE[1] // 2).view(len(rows), 2, *FINE_SHAPE)
+            askew = triangular4(seeds, "pixels", 2, *INPUT_SHAPE).view(len(rows), 2, *u.shape)
             askew *= self.noise.sigma_p_px * CELL_M / CELL_PX / FINE_M / PIXELS**0.5
             u, v = u + askew[:, 0], v + askew[:, 1]
         motions = self.motions[indices]
-        there = cells(read_at(maps, *motions.origins(u, v, FINE_M)))
+        there = cells(read_at(maps, *motions.origins(u, v, FINE_M)).view(-1, 4, *INPUT_SHAPE))
         return motions.finish(there, there.flip(1))
 
     def batch(self, indices: list[int]) -> torch.Tensor:
