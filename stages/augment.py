@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.learning.augmentation import augmentation_table
 from graspfn.params import Declared
 from graspfn.workflow.files import write_parquet
@@ -18,7 +18,7 @@ IMAGES, INDEX, OUT = Path("data/images/train.npy"), Path("data/images/train.parq
 def main(params: Declared) -> None:
     images = np.load(IMAGES, mmap_mode="r")
     ids = pd.read_parquet(INDEX)["id"].tolist()
-    camera = Intrinsics.from_params(params.camera)
+    camera = Camera.from_params(params.camera)
     write_parquet(OUT, augmentation_table(images, ids, camera, params.augment.samples, params.seed))
 
 

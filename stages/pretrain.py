@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.learning.dataset import ClassSamples
 from graspfn.learning.networks import build_network
 from graspfn.learning.pretraining import class_indices, pretrain
@@ -21,7 +21,7 @@ IMAGES, TABLE, OUT = Path("data/images"), Path("data/augmentation.parquet"), Pat
 def main(params: Declared) -> None:
     classes, names = class_indices(pd.read_parquet(IMAGES / "train.parquet")["class"].tolist())
     images = np.load(IMAGES / "train.npy", mmap_mode="r")
-    camera = Intrinsics.from_params(params.camera)
+    camera = Camera.from_params(params.camera)
     samples = ClassSamples(images, classes, pd.read_parquet(TABLE), camera, params.noise)
     run, seed = "-".join(params.items), params.seed + int(params.items[1])
     network = build_network(params.network, seed)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.learning.dataset import GraspSamples
 from graspfn.learning.training import resources, train
 from graspfn.learning.weights import load_network, save_network
@@ -30,7 +30,7 @@ def main(params: Declared) -> None:
         if name in place:
             successes[row] = labels["successes"][place[name]]
     images = np.load(IMAGES / "train.npy", mmap_mode="r")
-    camera = Intrinsics.from_params(params.camera)
+    camera = Camera.from_params(params.camera)
     samples = GraspSamples(images, successes, int(labels["attempts"]), table, camera, params.noise)
     run, seed = "-".join(params.items), params.seed + int(params.items[1])
     network = load_network(PRETRAINED / run)

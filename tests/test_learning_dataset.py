@@ -7,8 +7,8 @@ import torch
 import trimesh
 
 from graspfn.geometry.transforms import translation
-from graspfn.imaging.camera import Intrinsics
-from graspfn.imaging.network_input import INPUT_SHAPE, network_input
+from graspfn.imaging.camera import Camera
+from graspfn.imaging.network_input import INPUT_SHAPE, depth_input
 from graspfn.imaging.noise import add_noise
 from graspfn.imaging.render import render_depth
 from graspfn.imaging.warp import move_function, move_image
@@ -17,7 +17,7 @@ from graspfn.learning.dataset import ClassSamples, GraspSamples
 from graspfn.params import Noise
 
 torch.set_num_threads(1)  # as in a loader; more would only wait for each other on samples this small
-CAMERA = Intrinsics(640, 480, 570.0)
+CAMERA = Camera.of_the_paper(640, 480, 570.0)
 CLEAN, NOISY = Noise(0.0, 0.0), Noise(1.0, 1.5)
 IDS = ["box", "ball"]
 
@@ -63,7 +63,7 @@ def test_draws_belong_to_the_id_whatever_the_order(images, table):
 def test_without_noise_the_image_is_the_plain_moved_image(images, successes, table):
     samples = GraspSamples(images, successes, 5, table, CAMERA, CLEAN)
     for index, line in table.iterrows():
-        slow = network_input(move_image(images[int(line["row"])], *motion(line), CAMERA, CAMERA.table_depth), CAMERA)
+        slow = depth_input(move_image(images[int(line["row"])], *motion(line), CAMERA, CAMERA.table_depth), CAMERA)
         fast = samples.image(index)
         assert fast.shape == (1, *INPUT_SHAPE)
         assert fast.dtype == torch.float32
@@ -88,7 +88,7 @@ def test_labels_of_other_counts_of_attempts_use_the_same_six_classes(images, suc
 
 
 def test_noise_has_the_statistics_of_eq_2(images):
-    """Mean and spread over many noise seeds, next to those of move_image -> add_noise -> network_input.
+    """Mean and spread over many noise seeds, next to those of move_image -> add_noise -> depth_input.
 
     The motion is by whole pixels: a second interpolation would blur the plain version's edges, hence its spread.
     """
@@ -99,14 +99,14 @@ def test_noise_has_the_statistics_of_eq_2(images):
     fast = np.stack([samples.image(i)[0].numpy() for i in range(draws)])
     moved = move_image(images[int(line["row"])], *motion(line), CAMERA, CAMERA.table_depth)
     rng = np.random.default_rng(5)
-    slow = np.stack([network_input(add_noise(moved, NOISY, rng), CAMERA) for _ in range(draws)])
+    slow = np.stack([depth_input(add_noise(moved, NOISY, rng), CAMERA) for _ in range(draws)])
     table_std = 0.015 / 3.5**2 * np.sqrt((np.array([1, 1, 1, 0.5]) ** 2).sum() ** 2)
     assert slow[:, :5, :5].std() == pytest.approx(table_std, rel=0.05)
     assert fast.std(axis=0).mean() == pytest.approx(slow.std(axis=0).mean(), rel=0.01)
     standard_error = np.hypot(fast.std(axis=0), slow.std(axis=0)) / np.sqrt(draws)
     z = (fast.mean(axis=0) - slow.mean(axis=0)) / standard_error
     assert z.std() == pytest.approx(1, abs=0.05)
-    clean = network_input(moved, CAMERA)
+    clean = depth_input(moved, CAMERA)
     edge = np.hypot(*np.gradient(clean)) > 0.1
     assert 50 < edge.sum() < 500  # the outline, where jitter crosses depths
     assert fast.std(axis=0)[edge].mean() == pytest.approx(slow.std(axis=0)[edge].mean(), rel=0.03)
@@ -130,7 +130,7 @@ def test_a_class_belongs_to_the_object_of_its_line(images, table):
 
 def test_an_image_that_q_does_not_fit_into_is_refused(images, table):
     with pytest.raises(ValueError, match="width_px"):
-        ClassSamples(images[..., :600], np.zeros(2), table, Intrinsics(600, 480, 570.0), CLEAN)
+        ClassSamples(images[..., :600], np.zeros(2), table, Camera.of_the_paper(600, 480, 570.0), CLEAN)
 
 
 def test_memory_maps_give_the_same_samples(images, successes, table, tmp_path):

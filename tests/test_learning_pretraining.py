@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.learning.augmentation import augmentation_table
 from graspfn.learning.dataset import ClassSamples
 from graspfn.learning.networks import build_network
@@ -12,7 +12,7 @@ from graspfn.learning.pretraining import class_indices, pretrain
 from graspfn.learning.training import Resources
 from graspfn.params import AlexNet, Network, Noise, Pretrain
 
-CAMERA = Intrinsics(640, 480, 570.0)
+CAMERA = Camera.of_the_paper(640, 480, 570.0)
 PARAMS = {"alexnet": AlexNet("alexnet", 8, 3e-3, 1e-2, 16, 0.0), "fcn": Network("fcn", 4, 1e-2, 1e-2)}
 
 

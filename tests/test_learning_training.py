@@ -12,7 +12,7 @@ from scipy import ndimage
 from torch.utils.data import Dataset
 
 from graspfn.geometry.transforms import translation
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.imaging.render import render_depth
 from graspfn.learning.augmentation import augmentation_table
 from graspfn.learning.checkpoint import FILE
@@ -23,7 +23,7 @@ from graspfn.learning.prediction import predict
 from graspfn.learning.training import Descent, Resources, TrainingError, batches, fit, grasp_loss, train
 from graspfn.params import AlexNet, Network, Noise, Train
 
-CAMERA = Intrinsics(640, 480, 570.0)
+CAMERA = Camera.of_the_paper(640, 480, 570.0)
 ALEXNET = AlexNet("alexnet", 2, 1e-3, 1e-2, 4, 0.3)
 FCN = Network("fcn", 4, 1e-2, 1e-2)
 DESCENT = Descent("train", 0, 1.5, 4, 1e-2, 1e-2)

@@ -7,14 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.imaging.placement import random_placements
 from graspfn.seeds import generator
 
 
-def augmentation_table(
-    images: np.ndarray, ids: Sequence[str], intrinsics: Intrinsics, samples: int, seed: int
-) -> pd.DataFrame:
+def augmentation_table(images: np.ndarray, ids: Sequence[str], camera: Camera, samples: int, seed: int) -> pd.DataFrame:
     """images: (N, 480, 640) noise-free, metres -> N * samples lines, sorted by image.
 
     Columns: row (int64, of `images`), shift_u_m, shift_v_m, theta_rad (float64, the motion of `T_world_scene`) and
@@ -23,7 +21,7 @@ def augmentation_table(
     parts = []
     for row, (image, name) in enumerate(zip(images, ids, strict=True)):
         placing, noise = generator(seed, "augment", "placement", name), generator(seed, "augment", "noise", name)
-        shifts, theta = random_placements(image, intrinsics, placing, samples)
+        shifts, theta = random_placements(image, camera, placing, samples)
         parts.append(
             pd.DataFrame(
                 {

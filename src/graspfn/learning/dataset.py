@@ -15,7 +15,7 @@ from torch.nn import functional
 from torch.utils.data import Dataset
 
 from graspfn.geometry.grid import CELL_RAD, SHAPE, axes
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.imaging.network_input import CROP_SHAPE, UNIT_M, area_average, crop_slices
 from graspfn.params import Noise
 
@@ -42,13 +42,13 @@ class SampleImages:
     images: (N, 480, 640) float32, metres, noise-free, one object in the centre of each; may be a memory map.
     """
 
-    def __init__(self, images: np.ndarray, table: pd.DataFrame, intrinsics: Intrinsics, noise: Noise):
-        self.images, self.intrinsics, self.noise = images, intrinsics, noise
+    def __init__(self, images: np.ndarray, table: pd.DataFrame, camera: Camera, noise: Noise):
+        self.images, self.camera, self.noise = images, camera, noise
         self.rows = table["row"].to_numpy()
         self.shifts = table[["shift_u_m", "shift_v_m"]].to_numpy(dtype=float)
         self.theta = table["theta_rad"].to_numpy(dtype=float)
         self.noise_seeds = table["noise_seed"].to_numpy()
-        crop_slices(intrinsics)  # refuses images that Q does not fit into
+        crop_slices(camera)  # refuses images that Q does not fit into
         rows, columns = CROP_SHAPE
         self.x = torch.arange(columns, dtype=torch.float32)[None, :] - (columns - 1) / 2
         self.y = torch.arange(rows, dtype=torch.float32)[:, None] - (rows - 1) / 2
@@ -60,18 +60,18 @@ class SampleImages:
         draws = np.random.default_rng(self.noise_seeds[index]).standard_normal((3, *CROP_SHAPE), dtype=np.float32)
         jitter_y, jitter_x, error = torch.from_numpy(draws)
         x, y = jitter_x.mul_(self.noise.sigma_p_px).add_(self.x), jitter_y.mul_(self.noise.sigma_p_px).add_(self.y)
-        shift_px = self.intrinsics.table_to_pixel(self.shifts[index]) - self.intrinsics.centre
+        shift_px = self.camera.table_to_pixel(self.shifts[index]) - self.camera.centre
         x, y = _origins(x, y, shift_px, self.theta[index])
         # Heights, so that what enters from outside the image (0) is table.
         depth = np.array(self.images[self.rows[index]], dtype=np.float32)
-        height = torch.from_numpy(np.float32(self.intrinsics.table_depth) - depth)[None]
-        cx, cy = (float(c) for c in self.intrinsics.centre)
+        height = torch.from_numpy(np.float32(self.camera.table_depth) - depth)[None]
+        cx, cy = (float(c) for c in self.camera.centre)
         moved = _read_at(height, x + cx, y + cy)[0] - error.mul_(self.noise.sigma_d_mm / 1000)
         return torch.from_numpy(area_average(moved.numpy()) * np.float32(1 / UNIT_M))[None]
 
     def hashed(self, *arrays: np.ndarray) -> str:
         """A digest of the table, the images and `arrays`, to tell whether a checkpoint was made from the same."""
-        digest = hashlib.sha256(repr((self.intrinsics, self.noise, self.images.shape)).encode())
+        digest = hashlib.sha256(repr((self.camera, self.noise, self.images.shape)).encode())
         for array in (self.rows, self.shifts, self.theta, self.noise_seeds, self.images, *arrays):
             digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()
@@ -111,10 +111,10 @@ class GraspSamples(SampleImages, Dataset):
         successes: np.ndarray,
         attempts: int,
         table: pd.DataFrame,
-        intrinsics: Intrinsics,
+        camera: Camera,
         noise: Noise,
     ):
-        super().__init__(images, table, intrinsics, noise)
+        super().__init__(images, table, camera, noise)
         self.successes, self.attempts = successes, attempts
 
     def label(self, index: int) -> torch.Tensor:
@@ -141,10 +141,8 @@ class ClassSamples(SampleImages, Dataset):
     classes: (N,) int64, of the objects of `images`.
     """
 
-    def __init__(
-        self, images: np.ndarray, classes: np.ndarray, table: pd.DataFrame, intrinsics: Intrinsics, noise: Noise
-    ):
-        super().__init__(images, table, intrinsics, noise)
+    def __init__(self, images: np.ndarray, classes: np.ndarray, table: pd.DataFrame, camera: Camera, noise: Noise):
+        super().__init__(images, table, camera, noise)
         self.classes = np.asarray(classes, dtype=np.int64)
 
     def __getitem__(self, index: int) -> tuple[torch.Tensor, torch.Tensor]:
