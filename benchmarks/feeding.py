@@ -20,7 +20,7 @@ from objects import committed
 
 from graspfn.geometry.grid import SHAPE
 from graspfn.geometry.transforms import translation
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.imaging.orthographic import render_heights
 from graspfn.imaging.render import render_depth
 from graspfn.learning.augmentation import augmentation_table
@@ -53,12 +53,12 @@ def main() -> None:
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     params, device = committed(), pick_device(arguments.device)
-    camera, batch = Intrinsics.from_params(params.camera), params.train.batch_size
+    camera, batch = Camera.from_params(params.camera), params.train.batch_size
     meshes = [trimesh.creation.box((0.12, 0.05, 0.06)), trimesh.creation.icosphere(4, 0.04)]
     resting = [translation(0, 0, -mesh.bounds[0, 2]) for mesh in meshes]
     images = np.stack([render_depth(mesh, T, camera) for mesh, T in zip(meshes, resting, strict=True)])
     maps = np.stack([render_heights(mesh, T) for mesh, T in zip(meshes, resting, strict=True)])
-    table = augmentation_table(images, ["box", "ball"], camera, replace(params.augment, samples=512), params.seed)
+    table = augmentation_table(maps, ["box", "ball"], replace(params.augment, samples=512), params.seed)
     successes = np.random.default_rng(0).integers(0, 6, (2, *SHAPE)).astype(np.uint8)
     makers: dict[str, DepthInputs | HeightInputs] = {
         "depth": DepthInputs(images, table, camera, params.noise),

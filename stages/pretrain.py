@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.learning.dataset import Samples, inputs_of
 from graspfn.learning.networks import build_network
 from graspfn.learning.pretraining import class_indices, pretrain
@@ -22,7 +22,7 @@ def main(params: Declared) -> None:
     classes, names = class_indices(pd.read_parquet(IMAGES / "train.parquet")["class"].tolist())
     table = pd.read_parquet(TABLE)
     table = table[~table["empty"]].reset_index(drop=True)  # nothing has no class
-    inputs = inputs_of(params.network.input, IMAGES, table, Intrinsics.from_params(params.camera), params.noise)
+    inputs = inputs_of(params.network.input, IMAGES, table, Camera.from_params(params.camera), params.noise)
     samples = Samples(table, inputs, ClassTargets(classes, table))
     run, seed = "-".join(params.items), params.seed + int(params.items[1])
     network = build_network(params.network, seed)

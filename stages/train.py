@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.learning.dataset import Samples, inputs_of
 from graspfn.learning.targets import GraspTargets
 from graspfn.learning.training import resources, train
@@ -30,7 +30,7 @@ def main(params: Declared) -> None:
     for row, name in enumerate(ids):
         if name in place:
             successes[row] = labels["successes"][place[name]]
-    inputs = inputs_of(params.network.input, IMAGES, table, Intrinsics.from_params(params.camera), params.noise)
+    inputs = inputs_of(params.network.input, IMAGES, table, Camera.from_params(params.camera), params.noise)
     samples = Samples(table, inputs, GraspTargets(successes, int(labels["attempts"]), table))
     run, seed = "-".join(params.items), params.seed + int(params.items[1])
     network = load_network(PRETRAINED / run)

@@ -7,9 +7,10 @@ import torch
 import trimesh
 
 from graspfn.geometry.transforms import translation
-from graspfn.imaging.camera import Intrinsics
-from graspfn.imaging.network_input import INPUT_SHAPE, network_input
+from graspfn.imaging.camera import Camera
+from graspfn.imaging.network_input import INPUT_SHAPE, depth_input
 from graspfn.imaging.noise import add_noise
+from graspfn.imaging.orthographic import render_heights
 from graspfn.imaging.render import render_depth
 from graspfn.imaging.warp import move_function, move_image
 from graspfn.learning.augmentation import augmentation_table
@@ -19,17 +20,25 @@ from graspfn.learning.targets import ClassTargets, GraspTargets, split_classes
 from graspfn.params import Augment, Noise
 
 torch.set_num_threads(1)  # as in a loader; more would only wait for each other on samples this small
-CAMERA = Intrinsics(640, 480, 570.0)
+CAMERA = Camera.of_the_paper(640, 480, 570.0)
 CLEAN, NOISY = Noise(0.0, 0.0), Noise(1.0, 1.5)
 IDS = ["box", "ball"]
 
 
+OBJECTS = [
+    (trimesh.creation.box((0.15, 0.06, 0.05)), translation(0, 0, 0.025)),
+    (trimesh.creation.icosphere(4, 0.04), translation(0, 0, 0.04)),
+]
+
+
 @pytest.fixture(scope="module")
 def images():
-    box, ball = trimesh.creation.box((0.15, 0.06, 0.05)), trimesh.creation.icosphere(4, 0.04)
-    return np.stack(
-        [render_depth(box, translation(0, 0, 0.025), CAMERA), render_depth(ball, translation(0, 0, 0.04), CAMERA)]
-    )
+    return np.stack([render_depth(mesh, T, CAMERA) for mesh, T in OBJECTS])
+
+
+@pytest.fixture(scope="module")
+def maps():
+    return np.stack([render_heights(mesh, T) for mesh, T in OBJECTS])
 
 
 @pytest.fixture(scope="module")
@@ -38,8 +47,8 @@ def successes():
 
 
 @pytest.fixture(scope="module")
-def table(images):
-    return augmentation_table(images, IDS, CAMERA, Augment(3, False, 0.0), seed=1)
+def table(maps):
+    return augmentation_table(maps, IDS, Augment(3, False, 0.0), seed=1)
 
 
 def grasps(images, successes, attempts, table, noise):
@@ -58,21 +67,19 @@ def test_table_has_its_lines_in_order(table):
     assert not table["mirrored"].any() and not table["empty"].any()
 
 
-def test_draws_belong_to_the_id_whatever_the_order(images, table):
-    other = augmentation_table(images[::-1], IDS[::-1], CAMERA, Augment(3, False, 0.0), seed=1)
+def test_draws_belong_to_the_id_whatever_the_order(maps, table):
+    other = augmentation_table(maps[::-1], IDS[::-1], Augment(3, False, 0.0), seed=1)
     pd.testing.assert_frame_equal(
         other[other["row"] == 1].drop(columns="row").reset_index(drop=True),
         table[table["row"] == 0].drop(columns="row").reset_index(drop=True),
     )
-    assert not augmentation_table(images, IDS, CAMERA, Augment(3, False, 0.0), seed=2)["theta_rad"].equals(
-        table["theta_rad"]
-    )
+    assert not augmentation_table(maps, IDS, Augment(3, False, 0.0), seed=2)["theta_rad"].equals(table["theta_rad"])
 
 
 def test_without_noise_the_image_is_the_plain_moved_image(images, successes, table):
     samples = grasps(images, successes, 5, table, CLEAN)
     for index, line in table.iterrows():
-        slow = network_input(move_image(images[int(line["row"])], *motion(line), CAMERA, CAMERA.table_depth), CAMERA)
+        slow = depth_input(move_image(images[int(line["row"])], *motion(line), CAMERA, CAMERA.table_depth), CAMERA)
         fast = samples.inputs.image(index)
         assert fast.shape == (1, *INPUT_SHAPE)
         assert fast.dtype == torch.float32
@@ -131,16 +138,16 @@ def test_nothing_lies_on_an_empty_table(images, successes, table):
     assert not image.any() and not label.any()
 
 
-def test_shares_of_mirrored_and_empty_samples(images):
-    table = augmentation_table(images, IDS, CAMERA, Augment(500, True, 0.1), seed=1)
+def test_shares_of_mirrored_and_empty_samples(maps):
+    table = augmentation_table(maps, IDS, Augment(500, True, 0.1), seed=1)
     assert table["mirrored"].mean() == pytest.approx(0.5, abs=0.05)
     assert table["empty"].mean() == pytest.approx(0.1, abs=0.03)
-    few = augmentation_table(images, IDS, CAMERA, Augment(500, False, 0.0), seed=1)
+    few = augmentation_table(maps, IDS, Augment(500, False, 0.0), seed=1)
     pd.testing.assert_frame_equal(few, table.assign(mirrored=False, empty=False))
 
 
 def test_noise_has_the_statistics_of_eq_2(images):
-    """Mean and spread over many noise seeds, next to those of move_image -> add_noise -> network_input.
+    """Mean and spread over many noise seeds, next to those of move_image -> add_noise -> depth_input.
 
     The motion is by whole pixels: a second interpolation would blur the plain version's edges, hence its spread.
     """
@@ -151,14 +158,14 @@ def test_noise_has_the_statistics_of_eq_2(images):
     fast = np.stack([samples.image(i)[0].numpy() for i in range(draws)])
     moved = move_image(images[int(line["row"])], *motion(pd.Series(line)), CAMERA, CAMERA.table_depth)
     rng = np.random.default_rng(5)
-    slow = np.stack([network_input(add_noise(moved, NOISY, rng), CAMERA) for _ in range(draws)])
+    slow = np.stack([depth_input(add_noise(moved, NOISY, rng), CAMERA) for _ in range(draws)])
     table_std = 0.015 / 3.5**2 * np.sqrt((np.array([1, 1, 1, 0.5]) ** 2).sum() ** 2)
     assert slow[:, :5, :5].std() == pytest.approx(table_std, rel=0.05)
     assert fast.std(axis=0).mean() == pytest.approx(slow.std(axis=0).mean(), rel=0.01)
     standard_error = np.hypot(fast.std(axis=0), slow.std(axis=0)) / np.sqrt(draws)
     z = (fast.mean(axis=0) - slow.mean(axis=0)) / standard_error
     assert z.std() == pytest.approx(1, abs=0.05)
-    clean = network_input(moved, CAMERA)
+    clean = depth_input(moved, CAMERA)
     edge = np.hypot(*np.gradient(clean)) > 0.1
     assert 50 < edge.sum() < 500  # the outline, where jitter crosses depths
     assert fast.std(axis=0)[edge].mean() == pytest.approx(slow.std(axis=0)[edge].mean(), rel=0.03)
@@ -183,7 +190,7 @@ def test_a_class_belongs_to_the_object_of_its_line(images, table):
 
 def test_an_image_that_q_does_not_fit_into_is_refused(images, table):
     with pytest.raises(ValueError, match="width_px"):
-        DepthInputs(images[..., :600], table, Intrinsics(600, 480, 570.0), CLEAN)
+        DepthInputs(images[..., :600], table, Camera.of_the_paper(600, 480, 570.0), CLEAN)
 
 
 def test_memory_maps_give_the_same_samples(images, successes, table, tmp_path):

@@ -10,17 +10,21 @@ import trimesh
 from scipy import ndimage
 
 from graspfn.geometry.transforms import T_world_scene, translation
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
+from graspfn.imaging.height_map import TABLE_M, height_map
+from graspfn.imaging.noise import add_noise
 from graspfn.imaging.orthographic import render_heights
+from graspfn.imaging.render import render_depth
 from graspfn.learning.dataset import Samples
 from graspfn.learning.height_inputs import HeightInputs, cells
-from graspfn.learning.sensor import View
+from graspfn.learning.sensor import View, sense
 from graspfn.learning.targets import GraspTargets
 from graspfn.learning.training import _made_here
 from graspfn.params import Noise
 
 torch.set_num_threads(1)
-VIEW = View.of(Intrinsics(640, 480, 570.0))
+CAMERA = Camera.of_the_paper(640, 480, 570.0)
+VIEW = View.of(CAMERA)
 CLEAN = Noise(0.0, 0.0)
 ALL = Noise(1.0, 1.5, 20.0, 20.0, 75.0, 1.0, 0.3, 1.5, 0.02, 3.0, 0.3, 0.5, 0.002, 0.2)
 MESHES = [trimesh.creation.box((0.12, 0.05, 0.04)), trimesh.creation.cone(0.04, 0.07)]
@@ -77,7 +81,8 @@ def test_without_noise_what_is_seen_is_the_moved_map(maps, table):
     heights, seen = inputs.batch(list(range(len(table)))).unbind(1)
     assert heights.shape == (len(table), 132, 176)
     assert set(seen.unique().tolist()) == {0.0, 1.0}
-    assert torch.equal(heights, inputs.moved(list(range(len(table)))) / 0.1 * seen)
+    moved = inputs.moved(list(range(len(table))))
+    assert torch.equal(heights, torch.where(moved < TABLE_M, 0, moved) / 0.1 * seen)
     assert seen.mean() > 0.97
 
 
@@ -130,7 +135,31 @@ def test_digests_tell_noise_and_views_apart(maps, table):
     successes = np.zeros((2, 33, 44, 6), np.uint8)
     made = [
         Samples(table, HeightInputs(maps, table, view, noise), GraspTargets(successes, 5, table)).digest()
-        for view, noise in ((VIEW, CLEAN), (VIEW, ALL), (View(0.5, VIEW.tan_u, VIEW.tan_v), CLEAN), (VIEW, CLEAN))
+        for view, noise in ((VIEW, CLEAN), (VIEW, ALL), (dataclasses.replace(VIEW, height_m=0.5), CLEAN), (VIEW, CLEAN))
     ]
     assert len(set(made)) == 3
     assert made[0] == made[3]
+
+
+def test_samples_are_what_the_camera_itself_gives(maps, table):
+    """Rendered, with the same noise and put on the table as test images are: the same heights, holes and spread."""
+    draws = 12
+    lines = table[~table["mirrored"] & ~table["empty"]].iloc[:4]
+    many = lines.loc[lines.index.repeat(draws)].reset_index(drop=True)
+    many["noise_seed"] = np.arange(len(many), dtype=np.uint32)
+    inputs = HeightInputs(maps, many, VIEW, Noise(1.0, 1.5))
+    ours, seen = sense(inputs.moved(list(range(len(many)))), inputs.seeds, inputs.noise, VIEW)
+    ours, seen = (part.numpy().reshape(4, draws, 132, 176) for part in (ours, seen))
+    for (_, line), one, there in zip(lines.iterrows(), ours, seen, strict=True):
+        T = T_world_scene(np.array([line["shift_u_m"], line["shift_v_m"]]), line["theta_rad"])
+        depth = render_depth(MESHES[line["row"]], T @ RESTING[line["row"]], CAMERA)
+        rngs = [np.random.default_rng(i) for i in range(draws)]
+        maps_of = [height_map(add_noise(depth, Noise(1.0, 1.5), rng), CAMERA) for rng in rngs]
+        real, known = np.stack([m.heights for m in maps_of]), np.stack([m.seen for m in maps_of])
+        bare = one.max(axis=0) < 0.005
+        bare &= there.all(axis=0) & known.all(axis=0)
+        assert one.std(axis=0)[bare].mean() == pytest.approx(real.std(axis=0)[bare].mean(), rel=0.05)
+        assert abs(one.mean(axis=0)[bare].mean() - real.mean(axis=0)[bare].mean()) < 1.5e-4
+        assert (one > 0.008).sum() == pytest.approx((real > 0.008).sum(), rel=0.06)
+        assert one[one > 0.008].mean() == pytest.approx(real[real > 0.008].mean(), rel=0.03)
+        assert np.abs((~there).mean(axis=0) - (~known).mean(axis=0)).sum() < 120  # cells, round the object

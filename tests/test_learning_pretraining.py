@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.learning.augmentation import augmentation_table
 from graspfn.learning.dataset import Samples
 from graspfn.learning.depth_inputs import DepthInputs
@@ -14,7 +14,7 @@ from graspfn.learning.targets import ClassTargets
 from graspfn.learning.training import Resources
 from graspfn.params import AlexNet, Augment, Network, Noise, Pretrain
 
-CAMERA = Intrinsics(640, 480, 570.0)
+CAMERA = Camera.of_the_paper(640, 480, 570.0)
 PARAMS = {"alexnet": AlexNet("alexnet", 8, 3e-3, 1e-2, 16, 0.0), "fcn": Network("fcn", 4, 1e-2, 1e-2)}
 
 
@@ -28,7 +28,8 @@ def images():
 
 
 def run(params, images, classes, epochs, folder):
-    table = augmentation_table(images, [str(i) for i in range(len(images))], CAMERA, Augment(8, True, 0.0), seed=0)
+    maps = (CAMERA.table_depth - images)[:, 108:372, 144:496]  # heights do not matter to where it may go
+    table = augmentation_table(maps, [str(i) for i in range(len(images))], Augment(8, True, 0.0), seed=0)
     indices, names = class_indices(classes)
     inputs = DepthInputs(images, table, CAMERA, Noise(1.0, 1.5))
     dataset = Samples(table, inputs, ClassTargets(indices, table))

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import torch
 
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.imaging.network_input import INPUT_SHAPE
 from graspfn.learning.sensor import STEP_M, View, eyes, in_view, lit, sense, smooth
 from graspfn.params import Noise
 
 torch.set_num_threads(1)
-VIEW = View.of(Intrinsics(640, 480, 570.0))
+VIEW = View.of(Camera.of_the_paper(640, 480, 570.0))
 NONE = Noise(0.0, 0.0)
 V, U = (((np.arange(n) - (n - 1) / 2) * STEP_M) for n in INPUT_SHAPE)
 V = V[:, None]

@@ -11,9 +11,8 @@ import trimesh
 from scipy import ndimage
 
 from graspfn.geometry.transforms import translation
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.imaging.orthographic import render_heights
-from graspfn.imaging.render import render_depth
 from graspfn.learning.augmentation import augmentation_table
 from graspfn.learning.checkpoint import FILE
 from graspfn.learning.dataset import Samples
@@ -26,7 +25,7 @@ from graspfn.learning.targets import GraspTargets, split_classes
 from graspfn.learning.training import Descent, Resources, TrainingError, batches, fit, grasp_loss, train
 from graspfn.params import AlexNet, Augment, Network, Noise, Train
 
-CAMERA = Intrinsics(640, 480, 570.0)
+CAMERA = Camera.of_the_paper(640, 480, 570.0)
 ALEXNET = AlexNet("alexnet", 2, 1e-3, 1e-2, 4, 0.3)
 FCN = Network("fcn", 4, 1e-2, 1e-2)
 SEES_HEIGHTS = Network("fcn", 4, 1e-2, 1e-2, input="height_map")
@@ -199,14 +198,13 @@ def objects():
 def test_learns_and_the_prediction_moves_with_the_object(objects, tmp_path):
     """After a hundred steps on two boxes, the best pose of a box in a new place lies across its middle."""
     maps, successes = objects
-    placing = np.stack([render_depth(box, translation(0, 0, box.extents[2] / 2), CAMERA) for box in BOXES])
-    table = augmentation_table(placing, ["a", "b"], CAMERA, Augment(16, True, 0.05), seed=0)
+    table = augmentation_table(maps, ["a", "b"], Augment(16, True, 0.05), seed=0)
     inputs = HeightInputs(maps, table, View.of(CAMERA), Noise(1.0, 1.5))
     dataset = Samples(table, inputs, GraspTargets(successes, 5, table))
     network = build_network(SEES_HEIGHTS)
     history = train(network, dataset, Train(25.0, 8), SEES_HEIGHTS, 0, resources(tmp_path))
     assert history["loss"][-10:].mean() < 0.5 * history["loss"][:10].mean()
-    unseen = augmentation_table(placing, ["c", "d"], CAMERA, Augment(4, True, 0.0), seed=1)
+    unseen = augmentation_table(maps, ["c", "d"], Augment(4, True, 0.0), seed=1)
     clean = HeightInputs(maps, unseen, View.of(CAMERA), Noise(0.0, 0.0)).batch(list(range(8)))
     labels = GraspTargets(successes, 5, unseen).batch(list(range(8)))
     hits = 0

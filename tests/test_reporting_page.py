@@ -18,7 +18,7 @@ import yaml
 
 from graspfn.evaluation.planner import TRUE
 from graspfn.geometry import grid
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.imaging.render import render_depth
 from graspfn.meshes.placed import T_world_object, placed_row, write_placed
 from graspfn.meshes.store import Object, write_objects
@@ -75,7 +75,7 @@ def write_split(data, split, camera):
 
 
 def write_data(data, params):
-    camera = Intrinsics.from_params(params.camera)
+    camera = Camera.from_params(params.camera)
     rejects = pd.DataFrame(
         [{"split": "train", "source": "made", "name": "sheet", "class": "", "reason": "flat: <1 mm"}]
     )

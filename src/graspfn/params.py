@@ -83,12 +83,34 @@ class Meshes:
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole looking straight down at the table (paper III); its height follows from px_per_cell = 10 mm."""
+    """A depth camera and where it stands. The paper's looks straight down, 14 px spanning 10 mm (III)."""
 
-    width_px: Annotated[int, Key("image width, px", at_least=616)]
-    height_px: Annotated[int, Key("image height, px", at_least=462)]
-    focal_px: Annotated[float, Key("focal length, px", above=0)]
+    width_px: Annotated[int, Key("image width, px", at_least=16)]
+    height_px: Annotated[int, Key("image height, px", at_least=16)]
+    fx_px: Annotated[float, Key("focal length along the image's rows, px", above=0)]
+    fy_px: Annotated[float, Key("focal length along its columns, px", above=0)]
+    cx_px: Annotated[float, Key("principal point, px from the centre of the leftmost pixel")]
+    cy_px: Annotated[float, Key("principal point, px from the centre of the uppermost pixel")]
+    distortion: Annotated[
+        tuple[float, ...] | None, Key("of the lens, as OpenCV orders it: k1 k2 p1 p2 [k3 [k4 k5 k6]]; null: none")
+    ]
+    height_mm: Annotated[float, Key("lens above the middle of Q, mm, looking straight down", above=0)]
+    pose: Annotated[
+        tuple[float, ...] | None,
+        Key("T_world_camera instead, 4 x 4 numbers row by row, m; null: as height_mm says"),
+    ]
     renderer: Annotated[str, Key("depth renderer", one_of=("embree", "opengl"))]
+
+
+@dataclass(frozen=True)
+class Table:
+    """The table's plane, found in every depth image that becomes a height map."""
+
+    fit: Annotated[bool, Key("find the plane in the image; false: believe the camera's height and pose")]
+    max_tilt_deg: Annotated[float, Key("refuse a camera further from straight down, degrees", above=0, at_most=90)]
+    min_inliers: Annotated[float, Key("refuse where less of what is measured is table, share", above=0, at_most=1)]
+    max_rms_mm: Annotated[float, Key("refuse a table rougher or an image noisier than this, mm rms", above=0)]
+    max_offset_mm: Annotated[float, Key("refuse a table further from where the camera's pose has it, mm", above=0)]
 
 
 @dataclass(frozen=True)
@@ -317,6 +339,7 @@ class Params:
     scale: Annotated[str, Key("name of the scale, for reports")]
     meshes: Meshes
     camera: Camera
+    table: Table
     noise: Noise
     gripper: Gripper
     physics: Physics
@@ -415,6 +438,10 @@ def validate(values: Any) -> Params:
         if "://" in folder:
             raise ParameterError(f"{key}: {folder!r} is a URL; it takes a path on this machine")
     _check_fingers(params.gripper, params)
+    if len(params.camera.distortion or (0,) * 4) not in (4, 5, 8):
+        raise ParameterError("camera.distortion: takes 4, 5 or 8 numbers: k1, k2, p1, p2, then k3, then k4, k5, k6")
+    if params.camera.pose is not None:
+        _check_pose(params.camera.pose)
     looks = LOOK_MS / params.physics.time_step_ms
     if abs(looks - round(looks)) > 1e-9:
         raise ParameterError(f"physics.time_step_ms: takes a step that goes into {LOOK_MS} ms without rest")
@@ -426,6 +453,19 @@ def validate(values: Any) -> Params:
     if len(params.robot.sigma_uv_mm) != len(params.robot.sigma_theta_deg):
         raise ParameterError("robot.sigma_theta_deg: takes as many values as robot.sigma_uv_mm")
     return params
+
+
+def _check_pose(pose: tuple[float, ...]) -> None:
+    """The pose of a camera must be a pose, and the camera over the table."""
+    if len(pose) != 16:
+        raise ParameterError(f"camera.pose: has {len(pose)} numbers; it takes the 16 of T_world_camera, row by row")
+    x, y, z, lens = (pose[i:12:4] for i in range(4))
+    cross = [x[i - 2] * y[i - 1] - x[i - 1] * y[i - 2] for i in range(3)]
+    lengths = (math.hypot(*axis) for axis in (x, y, z))
+    if math.dist(cross, z) > 1e-4 or math.dist(tuple(lengths), (1, 1, 1)) > 1e-4 or pose[12:] != (0, 0, 0, 1):
+        raise ParameterError("camera.pose: no rotation and translation; it takes T_world_camera, row by row")
+    if lens[2] <= 0 or z[2] >= 0:
+        raise ParameterError("camera.pose: takes a camera that looks down (z axis) from over the table (z above 0)")
 
 
 def _check_fingers(gripper: Gripper, params: Params) -> None:

@@ -10,7 +10,7 @@ import pandas as pd
 import torch
 from torch.utils.data import Dataset
 
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.learning.depth_inputs import DepthInputs
 from graspfn.learning.height_inputs import HeightInputs
 from graspfn.learning.sensor import View
@@ -52,9 +52,7 @@ class Samples(Dataset):
         return digest.hexdigest()
 
 
-def inputs_of(
-    kind: str, folder: Path, table: pd.DataFrame, camera: Intrinsics, noise: Noise
-) -> DepthInputs | HeightInputs:
+def inputs_of(kind: str, folder: Path, table: pd.DataFrame, camera: Camera, noise: Noise) -> DepthInputs | HeightInputs:
     """What a network with this `input` learns from, of the files that stage render_images wrote into a folder."""
     if kind == "depth":
         return DepthInputs(np.load(folder / "train.npy", mmap_mode="r"), table, camera, noise)

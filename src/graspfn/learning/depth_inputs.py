@@ -12,8 +12,8 @@ import torch
 from torch.nn import functional
 
 from graspfn.geometry.grid import CELL_M, CELL_PX
-from graspfn.imaging.camera import Intrinsics
-from graspfn.imaging.network_input import CROP_SHAPE, UNIT_M, area_average, crop_slices
+from graspfn.imaging.camera import Camera
+from graspfn.imaging.network_input import CROP_SHAPE, UNIT_M, area_average, check_papers, crop_slices
 from graspfn.learning.motions import Motions
 from graspfn.params import Noise
 
@@ -24,11 +24,12 @@ class DepthInputs:
     images: (N, 480, 640) float32, metres, noise-free, one object in the centre of each; may be a memory map.
     """
 
-    def __init__(self, images: np.ndarray, table: pd.DataFrame, intrinsics: Intrinsics, noise: Noise):
-        self.images, self.intrinsics, self.noise = images, intrinsics, noise
+    def __init__(self, images: np.ndarray, table: pd.DataFrame, camera: Camera, noise: Noise):
+        self.images, self.camera, self.noise = images, camera, noise
         self.rows, self.motions = table["row"].to_numpy(), Motions.of(table)
         self.noise_seeds = table["noise_seed"].to_numpy()
-        crop_slices(intrinsics)  # refuses images that Q does not fit into
+        crop_slices(camera)  # refuses images that Q does not fit into
+        check_papers(camera)
         rows, columns = CROP_SHAPE
         self.x = torch.arange(columns, dtype=torch.float32)[None, :] - (columns - 1) / 2
         self.y = torch.arange(rows, dtype=torch.float32)[:, None] - (rows - 1) / 2
@@ -41,7 +42,7 @@ class DepthInputs:
         x, y = motion.origins(x, y, CELL_M / CELL_PX)
         # Heights, so that what enters from outside the image (0) is table.
         depth = np.array(self.images[self.rows[index]], dtype=np.float32)
-        height = torch.from_numpy(np.float32(self.intrinsics.table_depth) - depth)
+        height = torch.from_numpy(np.float32(self.camera.table_depth) - depth)
         grid = torch.stack([x * (2 / (height.shape[1] - 1)), y * (2 / (height.shape[0] - 1))], dim=-1)
         moved = functional.grid_sample(height[None, None], grid, padding_mode="zeros", align_corners=True)[0, 0]
         moved = motion.finish(moved[None], moved[None].flip(1)) - error.mul_(self.noise.sigma_d_mm / 1000)
@@ -52,7 +53,7 @@ class DepthInputs:
 
     def settings(self) -> object:
         """What a digest is made of, beside the table and the images."""
-        return self.intrinsics, self.noise
+        return self.camera, self.noise
 
     def source(self) -> np.ndarray:
         """The images."""

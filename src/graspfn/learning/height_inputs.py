@@ -9,17 +9,13 @@ import numpy as np
 import pandas as pd
 import torch
 
-from graspfn.geometry.grid import CELL_M, CELL_PX
+from graspfn.imaging.height_map import BAND_M, TABLE_M
 from graspfn.imaging.network_input import INPUT_SHAPE, UNIT_M
 from graspfn.imaging.orthographic import FINE_M, FINE_SHAPE
 from graspfn.learning.draws import triangular4
 from graspfn.learning.motions import Motions
 from graspfn.learning.sensor import View, read_at, sense
 from graspfn.params import Noise
-
-BAND_M = 0.005  # of what is in a cell, the highest and all that is no more than this below it are averaged
-# Pixels in a quarter of a cell, where a camera of the paper's stands: the jitter of their mean is so much less.
-PIXELS = (CELL_PX * FINE_M / CELL_M) ** 2
 
 
 def cells(quarters: torch.Tensor) -> torch.Tensor:
@@ -57,7 +53,9 @@ class HeightInputs:
         if self.noise.sigma_p_px:
             seeds = self.seeds[indices].to(maps.device)
             askew = triangular4(seeds, "pixels", 2, *INPUT_SHAPE).view(len(rows), 2, *u.shape)
-            askew *= self.noise.sigma_p_px * CELL_M / CELL_PX / FINE_M / PIXELS**0.5
+            # The mean of as many pixels as look at a quarter of a cell is so much less askew than each.
+            pixel = self.view.height_m / self.view.focal_px / FINE_M
+            askew *= self.noise.sigma_p_px * pixel * min(1, pixel)
             u, v = u + askew[:, 0], v + askew[:, 1]
         motions = self.motions[indices]
         there = cells(read_at(maps, *motions.origins(u, v, FINE_M)).view(-1, 4, *INPUT_SHAPE))
@@ -65,6 +63,7 @@ class HeightInputs:
 
     def batch(self, indices: list[int]) -> torch.Tensor:
         heights, seen = sense(self.moved(indices), self.seeds[indices], self.noise, self.view)
+        heights = heights * (heights >= TABLE_M)  # as imaging.network_input has it
         return torch.stack([heights / UNIT_M, seen.to(torch.float32)], dim=1)
 
     def settings(self) -> object:

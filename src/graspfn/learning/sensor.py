@@ -12,11 +12,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch.nn import functional
 
 from graspfn.geometry.grid import CELL_M
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.imaging.network_input import INPUT_SHAPE
 from graspfn.learning.draws import normal, normal4, uniform, uniform4
 from graspfn.params import Noise
@@ -36,12 +37,16 @@ class View:
     """Where a camera is and what it can see: half its image, in tangents of angles."""
 
     height_m: float
+    focal_px: float
     tan_u: float
     tan_v: float
 
     @classmethod
-    def of(cls, camera: Intrinsics) -> View:
-        return cls(camera.table_depth, camera.width / 2 / camera.focal, camera.height / 2 / camera.focal)
+    def of(cls, camera: Camera) -> View:
+        """Of a camera as it stands; the lens is taken for a pinhole whose axis is in the image's middle."""
+        fx, fy, cx, cy = camera.K
+        reach = (min(cx, camera.width - 1 - cx) + 0.5) / fx, (min(cy, camera.height - 1 - cy) + 0.5) / fy
+        return cls(float(np.linalg.norm(camera.position)), (fx + fy) / 2, *reach)
 
 
 @functools.cache
@@ -163,9 +168,9 @@ def add_clutter(heights: torch.Tensor, seeds: torch.Tensor, noise: Noise) -> tor
 
 
 def cell_noise_m(heights: torch.Tensor, noise: Noise, eye: torch.Tensor, view: View) -> torch.Tensor:
-    """Std of a cell's height under eq. 2: of the mean of as many pixels as look at it, 12 of them on the table."""
-    pixels = 3.5 * view.height_m / (_each(eye[:, 2], heights.device) - heights).clamp(min=CELL_M)
-    return noise.sigma_d_mm / 1000 / pixels
+    """Std of a cell's height under eq. 2: of the mean of as many pixels as look at it, the paper's camera's 12."""
+    away = (_each(eye[:, 2], heights.device) - heights).clamp(min=CELL_M)
+    return noise.sigma_d_mm / 1000 / (view.focal_px * STEP_M / away).clamp(min=1)
 
 
 def measure(heights: torch.Tensor, seeds: torch.Tensor, noise: Noise, eye: torch.Tensor, view: View) -> torch.Tensor:

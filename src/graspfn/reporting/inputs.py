@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.imaging.holes import fill_holes
 from graspfn.imaging.noise import observe
 from graspfn.meshes.placed import load_resting, read_resting, resting_rows
@@ -55,7 +55,7 @@ class Recorded:
     camera: what took them, which need not be the camera of the parameters.
     """
 
-    camera: Intrinsics
+    camera: Camera
     raw: np.ndarray
     filled: np.ndarray
     grasps: tuple[ExecutedGrasp, ...]
@@ -77,7 +77,7 @@ class ReportInputs:
     data: Path
     params: Any
     parameters: tuple[Parameter, ...]
-    camera: Intrinsics
+    camera: Camera
     manifests: Mapping[str, pd.DataFrame]
     placed: Mapping[str, pd.DataFrame]
     rejects: pd.DataFrame
@@ -179,7 +179,7 @@ def _recorded(data: Path, trials: pd.DataFrame, params: Any) -> Recorded:
     chosen = order[~order["failed"]].drop_duplicates("object").head(SHOWN_GRASPS)
     first = read_trial(data / "recordings" / order["file"].iloc[0], params.topics)
     height, width = first.depth.shape
-    camera = Intrinsics(width, height, float(first.camera_matrix[0, 0]))
+    camera = Camera.of_the_paper(width, height, float(first.camera_matrix[0, 0]))
     grasps = []
     for line in chosen.to_dict("records"):
         trial = read_trial(data / "recordings" / line["file"], params.topics)
@@ -205,7 +205,7 @@ def load_inputs(data: Path, params: Any, stage_seconds: Mapping[str, float]) -> 
         data=data,
         params=params,
         parameters=flat_parameters(params),
-        camera=Intrinsics.from_params(params.camera),
+        camera=Camera.from_params(params.camera),
         manifests={split: read_manifest(data / "objects" / split) for split in SPLITS},
         placed=placed,
         rejects=pd.read_parquet(data / "objects/rejects.parquet"),
