@@ -49,7 +49,7 @@ def area_average(crop: np.ndarray) -> np.ndarray:
 
 
 def check_papers(camera: Camera) -> None:
-    """DepthError unless the camera looks straight down from where 14 px span 10 mm (III), as `depth_input` takes it."""
+    """DepthError unless the camera looks straight down from where 14 px span 10 mm, as `depth_input` takes it."""
     fx, fy, _, _ = camera.K
     middle = np.array([camera.width - 1, camera.height - 1]) / 2
     down = np.allclose(camera.T_world_camera[:3, :3], np.diag([1, -1, -1])) and np.allclose(camera.position[:2], 0)
