@@ -29,6 +29,7 @@ test: setup
 
 bench: setup
 	graspfn check
+	python benchmarks/height_map.py
 	python benchmarks/run.py
 	python benchmarks/feeding.py
 

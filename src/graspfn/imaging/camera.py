@@ -12,7 +12,7 @@ from graspfn.geometry.grid import CELL_M, CELL_PX
 from graspfn.geometry.transforms import apply
 from graspfn.params import Camera as CameraParams
 
-PAPER_HEIGHT_M = 570 * CELL_M / CELL_PX  # the Carmine's focal length, and 14 px that span 10 mm of the table (III)
+PAPER_HEIGHT_M = 570 * CELL_M / CELL_PX  # the Carmine's focal length, and 14 px that span 10 mm of the table
 NEAR_M = 0.01  # nothing nearer to the camera is rendered, and nothing nearer is a measurement
 # OpenCV inverts distortion by iteration, and stops after five rounds unless told: 0.1 px off at the corners of a lens.
 INVERSE = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-12)
@@ -76,7 +76,7 @@ class Camera:
 
     @classmethod
     def of_the_paper(cls, width: int, height: int, focal: float) -> Camera:
-        """Looks straight down from where 14 px span 10 mm of the table (III), the image's centre in its axis."""
+        """Looks straight down from where 14 px span 10 mm of the table, the image's centre in its axis."""
         K = focal, focal, (width - 1) / 2, (height - 1) / 2
         return cls(width, height, K, (), straight_down(focal * CELL_M / CELL_PX))
 

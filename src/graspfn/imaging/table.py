@@ -83,27 +83,26 @@ def _moments(points, T, band, wide):  # type: ignore[no-untyped-def]
 
     Then the number and the sum of hh of those at most `wide` under it, where no object is: the spread of the table.
     """
-    sums = np.zeros(12)
+    one = sx = sy = sh = sxx = sxy = syy = sxh = syh = shh = under = squares = 0.0
     for j in range(points.shape[1]):
         p, q, r = points[0, j], points[1, j], points[2, j]
         h = T[2, 0] * p + T[2, 1] * q + T[2, 2] * r + T[2, 3]
-        if abs(h) <= band:
-            x = T[0, 0] * p + T[0, 1] * q + T[0, 2] * r
-            y = T[1, 0] * p + T[1, 1] * q + T[1, 2] * r
-            sums[0] += 1
-            sums[1] += x
-            sums[2] += y
-            sums[3] += h
-            sums[4] += x * x
-            sums[5] += x * y
-            sums[6] += y * y
-            sums[7] += x * h
-            sums[8] += y * h
-            sums[9] += h * h
-        if h < 0 and h >= -wide:
-            sums[10] += 1
-            sums[11] += h * h
-    return sums
+        x = T[0, 0] * p + T[0, 1] * q + T[0, 2] * r
+        y = T[1, 0] * p + T[1, 1] * q + T[1, 2] * r
+        w, low = np.float64(abs(h) <= band), np.float64((h < 0) & (h >= -wide))
+        one += w
+        sx += w * x
+        sy += w * y
+        sh += w * h
+        sxx += w * x * x
+        sxy += w * x * y
+        syy += w * y * y
+        sxh += w * x * h
+        syh += w * y * h
+        shh += w * h * h
+        under += low
+        squares += low * h * h
+    return np.array([one, sx, sy, sh, sxx, sxy, syy, sxh, syh, shh, under, squares])
 
 
 def _planes(points: np.ndarray) -> np.ndarray:

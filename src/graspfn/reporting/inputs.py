@@ -13,8 +13,10 @@ import pandas as pd
 from graspfn.imaging.camera import Camera
 from graspfn.imaging.holes import fill_holes
 from graspfn.imaging.noise import observe
+from graspfn.imaging.table import TableError, fit_table
 from graspfn.meshes.placed import load_resting, read_resting, resting_rows
 from graspfn.meshes.store import read_manifest
+from graspfn.params import Table
 from graspfn.physics.world import Rig
 from graspfn.reporting.figures.depth_images import ExecutedGrasp
 from graspfn.reporting.film import Film, film_best_grasp, film_failure
@@ -22,11 +24,14 @@ from graspfn.reporting.parameters import Parameter, flat_parameters
 from graspfn.reporting.plans import graspable_objects, plans_of
 from graspfn.reporting.sizes import widths
 from graspfn.robot.read import read_trial
+from graspfn.robot.trial import TrialRecording
 from graspfn.seeds import generator
 from graspfn.workflow.files import read_npz
 
 SPLITS = ("train", "test")
 SHOWN_TEST, SHOWN_GRASPS, SHOWN_FILMS = 4, 8, 10
+# What a recorded image may be drawn over: any table that a camera from above sees.
+ANY_TABLE = Table(fit=True, max_tilt_deg=20, min_inliers=0.05, max_rms_mm=20, max_offset_mm=1e4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,14 +177,24 @@ def _films(data: Path, labels: Mapping[str, np.ndarray], params: Any) -> dict[st
     return films
 
 
+def _camera_of(trial: TrialRecording) -> Camera:
+    """The camera of a recording, which does not say how high it stood: over the table that it sees."""
+    height, width = trial.depth.shape
+    K = trial.camera_matrix
+    camera = Camera(width, height, (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), trial.distortion)
+    try:
+        return camera.at(fit_table(trial.depth, camera, ANY_TABLE).T_world_camera)
+    except TableError:
+        return Camera.of_the_paper(width, height, float(K[0, 0]))
+
+
 def _recorded(data: Path, trials: pd.DataFrame, params: Any) -> Recorded:
     """Successes of the robust method first, from different objects, with the least uncertainty first."""
     order = trials.assign(robust=trials["method"] != "Robust Best Grasp", failed=~trials["success"])
     order = order.sort_values(["failed", "robust", "sigma_uv_mm", "object", "placement", "network"])
     chosen = order[~order["failed"]].drop_duplicates("object").head(SHOWN_GRASPS)
     first = read_trial(data / "recordings" / order["file"].iloc[0], params.topics)
-    height, width = first.depth.shape
-    camera = Camera.of_the_paper(width, height, float(first.camera_matrix[0, 0]))
+    camera = _camera_of(first)
     grasps = []
     for line in chosen.to_dict("records"):
         trial = read_trial(data / "recordings" / line["file"], params.topics)

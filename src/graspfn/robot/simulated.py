@@ -87,6 +87,7 @@ def record(
                 joint_time_s=np.array([frame.time_s for frame in frames]),
                 joint_positions=np.array([(frame.hand_z, *frame.fingers) for frame in frames]).reshape(-1, 3),
                 success=held,
+                distortion=camera.distortion,
             )
         )
     return recordings
