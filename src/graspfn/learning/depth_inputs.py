@@ -13,7 +13,7 @@ from torch.nn import functional
 
 from graspfn.geometry.grid import CELL_M, CELL_PX
 from graspfn.imaging.camera import Camera
-from graspfn.imaging.network_input import CROP_SHAPE, UNIT_M, area_average, check_papers, crop_slices
+from graspfn.imaging.network_input import CROP_SHAPE, UNIT_M, area_average, crop_slices
 from graspfn.learning.motions import Motions
 from graspfn.params import Noise
 
@@ -29,7 +29,6 @@ class DepthInputs:
         self.rows, self.motions = table["row"].to_numpy(), Motions.of(table)
         self.noise_seeds = table["noise_seed"].to_numpy()
         crop_slices(camera)  # refuses images that Q does not fit into
-        check_papers(camera)
         rows, columns = CROP_SHAPE
         self.x = torch.arange(columns, dtype=torch.float32)[None, :] - (columns - 1) / 2
         self.y = torch.arange(rows, dtype=torch.float32)[:, None] - (rows - 1) / 2
