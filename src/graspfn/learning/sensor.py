@@ -58,7 +58,7 @@ def _cells(device: torch.device) -> tuple[torch.Tensor, torch.Tensor]:
 
 def _each(values: torch.Tensor, device: torch.device) -> torch.Tensor:
     """(B, ...) of any precision -> (B, ..., 1, 1) float32 beside the maps."""
-    return values.to(device, torch.float32)[..., None, None]
+    return values.to(torch.float32).to(device)[..., None, None]
 
 
 def read_at(maps: torch.Tensor, u: torch.Tensor, v: torch.Tensor, cell: float = 1.0) -> torch.Tensor:

@@ -21,7 +21,6 @@ import numpy as np
 import pandas as pd
 import torch
 from torch import multiprocessing, nn
-from torch.nn import functional
 from torch.utils.data import DataLoader
 from tqdm import tqdm
 
@@ -29,7 +28,7 @@ from graspfn.learning.checkpoint import load_checkpoint, remove_checkpoint, save
 from graspfn.learning.dataset import Samples
 from graspfn.learning.device import pick_device, torch_threads
 from graspfn.learning.networks import GraspNetwork
-from graspfn.learning.targets import CLASSES, GraspTargets, split_classes
+from graspfn.learning.targets import CLASSES, GraspTargets
 from graspfn.params import Compute, Network, Train
 from graspfn.seeds import generator, seed_of
 from graspfn.workflow.shards import SCRATCH, code_digest
@@ -89,7 +88,11 @@ def grasp_loss(logits: torch.Tensor, scores: torch.Tensor) -> torch.Tensor:
     The paper prints its loss (eq. 3) without a logarithm, as the probability of the right class: minimised, that would
     drive the right class away. Cross-entropy is what the text describes.
     """
-    return functional.cross_entropy(logits.reshape(-1, CLASSES), split_classes(scores.reshape(-1)))
+    logits, scores = logits.reshape(-1, CLASSES), scores.reshape(-1)
+    lower = scores.floor().clamp_(max=CLASSES - 2)
+    share = scores - lower  # of the upper class; a third of the time of cross_entropy with all six
+    beside = logits.gather(1, torch.stack([lower, lower + 1], dim=1).long())
+    return (logits.logsumexp(dim=1) - (1 - share) * beside[:, 0] - share * beside[:, 1]).mean()
 
 
 def batches(samples: int, descent: Descent, start: int, stop: int) -> Iterator[list[int]]:
