@@ -2,8 +2,9 @@
 
     python benchmarks/height_map.py --repeats 200
 
-Of the paper's camera at three sizes of its image, with the noise of the parameters; on one thread, the best of many repeats and their
-median. Then, of a box under every camera of conf/camera and three tilts, the fit's errors and the map's.
+Of the paper's camera at three sizes of its image, with the noise of the parameters; on one thread, the best of many
+repeats and their median. Then, of a box under every camera of conf/camera and three tilts, the fit's errors and the
+map's.
 """
 
 from __future__ import annotations
