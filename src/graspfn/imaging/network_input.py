@@ -19,7 +19,7 @@ UNIT_M = 0.1  # so that inputs are of order one
 
 
 def check_papers(camera: Camera) -> None:
-    """DepthError unless the camera looks straight down from where 14 px span 10 mm: networks of depth images take it."""
+    """DepthError unless the camera looks straight down from where 14 px span 10 mm: what depth images as input take."""
     fx, fy, _, _ = camera.K
     middle = np.array([camera.width - 1, camera.height - 1]) / 2
     down = np.allclose(camera.T_world_camera[:3, :3], np.diag([1, -1, -1])) and np.allclose(camera.position[:2], 0)
