@@ -17,8 +17,7 @@ from graspfn.imaging.camera import Camera
 from graspfn.imaging.height_map import height_map
 from graspfn.params import Plan
 from graspfn.physics.attempt import Outcome, Result
-from graspfn.planning.smoothing import PlanningError
-from graspfn.planning.uncertainty import PoseUncertainty
+from graspfn.planning.uncertainty import PlanningError, PoseUncertainty
 from graspfn.reporting import tables
 from graspfn.reporting.plans import plans_of
 from graspfn.robot import simulated

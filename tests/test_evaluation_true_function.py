@@ -48,7 +48,7 @@ class Labelled:
         return float(np.mean([self.grasper.run(reached).held for reached in sigma.reached(q, errors)]))
 
     def robust(self, sigma: PoseUncertainty) -> np.ndarray:
-        q = robust_best_grasp(self.f, sigma.uv_m, sigma.theta_rad, PARAMS.plan, np.random.default_rng(0))
+        q = robust_best_grasp(self.f, sigma, PARAMS.plan, np.random.default_rng(0))
         assert q is not None
         return q
 
@@ -78,7 +78,8 @@ def test_expected_success_is_that_of_trials(labelled: Labelled) -> None:
     poses = np.array([[0.004, -0.003, 0.1], [0.012, 0.02, 0.3]])
     for q in poses:
         for sigma in (SMALL, LARGE, TURNED):
-            expected = expected_success(q, sigma.uv_m, sigma.theta_rad, labelled.attempts)
+            assert sigma.sigmas is not None
+            expected = expected_success(q, *sigma.sigmas[1:], labelled.attempts)
             tried = labelled.success(q, sigma)
             spread = np.hypot(expected.error, np.sqrt(max(tried * (1 - tried), 0.02) / TRIALS))
             assert abs(expected.value - tried) < 4 * spread

@@ -37,17 +37,17 @@ def test_expected_score_agrees_with_monte_carlo(q, sigma_uv, sigma_theta):
     f, rng = random_function(0), np.random.default_rng(1)
     reached = np.array(q) + rng.normal(size=(200_000, 3)) * [sigma_uv, sigma_uv, sigma_theta]
     scores = interpolate(f, reached)
-    exact = robust_function_at(f, sigma_uv, sigma_theta, [q[1]], [q[0]], [q[2]]).item()
+    exact = robust_function_at(f, (sigma_uv, sigma_theta), [q[1]], [q[0]], [q[2]]).item()
     assert abs(scores.mean() - exact) < 4 * scores.std() / np.sqrt(len(scores))
 
 
 def test_without_uncertainty_it_is_the_function_itself_and_between_poses_its_interpolant():
     f = random_function(2)
-    np.testing.assert_allclose(smooth(f, 0.0, 0.0), f, atol=1e-12)
-    np.testing.assert_allclose(smooth(f, 1e-9, 1e-9), f, atol=1e-6)
+    np.testing.assert_allclose(smooth(f, (0.0, 0.0)), f, atol=1e-12)
+    np.testing.assert_allclose(smooth(f, (1e-9, 1e-9)), f, atol=1e-6)
     v, u, theta = fine_axes(2, 3)
     q = np.stack(np.meshgrid(v, u, theta, indexing="ij"), axis=-1)[..., [1, 0, 2]]
-    np.testing.assert_allclose(robust_function_at(f, 0.0, 0.0, v, u, theta), interpolate(f, q), atol=1e-9)
+    np.testing.assert_allclose(robust_function_at(f, (0.0, 0.0), v, u, theta), interpolate(f, q), atol=1e-9)
 
 
 @pytest.mark.parametrize("sigma", [0.0, 1e-6, 0.3, 2.0, 50.0])
@@ -70,17 +70,17 @@ def test_the_weights_of_far_vertices_are_exact_too(offset):
 @pytest.mark.parametrize("sigma_deg", [0, 5, 40, 200, 1e7])
 def test_a_function_constant_in_theta_stays_so(sigma_deg):
     f = np.repeat(random_function(3)[:, :, :1], 6, axis=2)
-    np.testing.assert_allclose(smooth(f, 0.0, np.radians(sigma_deg)), f, atol=1e-9)
+    np.testing.assert_allclose(smooth(f, (0.0, np.radians(sigma_deg))), f, atol=1e-9)
 
 
 def test_mass_is_conserved_in_the_interior():
     f = np.zeros(grid.SHAPE)
     f[14:19, 20:24] = np.random.default_rng(4).random((5, 4, 6))
-    assert smooth(f, 0.015, 0.5).sum() == pytest.approx(f.sum(), rel=1e-9)
+    assert smooth(f, (0.015, 0.5)).sum() == pytest.approx(f.sum(), rel=1e-9)
 
 
 def test_a_constant_function_loses_score_only_towards_the_edges():
-    robust = smooth(np.ones(grid.SHAPE), 0.020, 0.3)
+    robust = smooth(np.ones(grid.SHAPE), (0.020, 0.3))
     np.testing.assert_allclose(robust[14:19, 14:30], 1, atol=1e-9)
     assert np.all(np.diff(robust[:17, 22, 0]) > -1e-12)
     assert robust[0, 0, 0] < 0.5
@@ -89,13 +89,13 @@ def test_a_constant_function_loses_score_only_towards_the_edges():
 def test_large_uncertainty_in_theta_leaves_the_mean_over_theta():
     f = random_function(5)
     mean = np.repeat(f.mean(axis=2, keepdims=True), 6, axis=2)
-    np.testing.assert_allclose(smooth(f, 0.0, np.radians(300)), mean, atol=1e-9)
+    np.testing.assert_allclose(smooth(f, (0.0, np.radians(300))), mean, atol=1e-9)
 
 
 def test_smoothing_commutes_with_the_symmetries_of_the_grid():
     f, sigmas = random_function(6), (0.012, 0.4)
     for move in (lambda g: g[::-1], lambda g: g[:, ::-1], lambda g: np.roll(g, 2, axis=2)):
-        np.testing.assert_allclose(smooth(move(f), *sigmas), move(smooth(f, *sigmas)), atol=1e-12)
+        np.testing.assert_allclose(smooth(move(f), sigmas), move(smooth(f, sigmas)), atol=1e-12)
 
 
 def test_wrapped_weights_agree_with_a_sum_over_many_turns():

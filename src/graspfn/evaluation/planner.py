@@ -11,7 +11,7 @@ from graspfn.evaluation.bench import Scene
 from graspfn.params import Plan
 from graspfn.planning.centroid import centroid_grasp
 from graspfn.planning.methods import BEST, CENTROID, LIKELIEST, ROBUST, best_grasp, robust_best_grasp
-from graspfn.planning.smoothing import robust_function_at
+from graspfn.planning.robust import RobustFunction
 from graspfn.planning.uncertainty import PoseUncertainty
 from graspfn.seeds import generator
 
@@ -88,9 +88,7 @@ class Planner:
         likeliest: np.ndarray | None,
         uncertainty: PoseUncertainty,
     ) -> list[Planned]:
-        robust = robust_best_grasp(
-            function.f, uncertainty.uv_m, uncertainty.theta_rad, self.plan, self._ties(scene, function)
-        )
+        robust = robust_best_grasp(function.f, uncertainty, self.plan, self._ties(scene, function))
         poses = {BEST: best, ROBUST: robust}
         if function.likeliest is not None:
             poses[LIKELIEST] = likeliest
@@ -110,5 +108,4 @@ def promise(f: np.ndarray, q: np.ndarray | None, uncertainty: PoseUncertainty) -
     """The robust score of pose q (3,) by grasp function f (33, 44, 6): the success that it leads one to expect."""
     if q is None:
         return float("nan")
-    u, v, theta = q[:, None]
-    return float(robust_function_at(f, uncertainty.uv_m, uncertainty.theta_rad, v, u, theta).item())
+    return float(RobustFunction(f, uncertainty).at(q[None]).item())

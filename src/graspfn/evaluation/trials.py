@@ -111,4 +111,6 @@ def _expected(scene: Scene, planned: Planned, uncertainty: PoseUncertainty, atte
     """What the object's attempts say; nothing of its true function, which was made of them and chose by them."""
     if planned.q is None or attempts is None or planned.network == TRUE or not uncertainty.spreads:
         return UNKNOWN
-    return expected_success(scene.unmoved(planned.q), uncertainty.uv_m, uncertainty.theta_rad, attempts)
+    assert uncertainty.sigmas is not None  # a cell's
+    sigma_uv, _, sigma_theta = uncertainty.sigmas
+    return expected_success(scene.unmoved(planned.q), sigma_uv, sigma_theta, attempts)

@@ -2,9 +2,10 @@
 
 The grasp function is known at the poses of Q. Between them it is taken as trilinear, outside Q's extents in (u, v)
 it falls to 0 within one cell (a pose that was never tested is not one to rely on), and theta wraps at a half turn.
-The arm reaches q_hat ~ N(q, diag(su^2, sv^2, stheta^2)), so the expected score of commanding q is
-E[f(q_hat)]. With a diagonal covariance a trilinear interpolant's expectation is exact and separable: along each
-axis a vertex k weighs E[hat(X - k)], hat(t) = max(0, 1 - |t|), X ~ N(x, sigma^2).
+The arm reaches q_hat ~ N(q, Sigma), so the expected score of commanding q is E[f(q_hat)]. Where Sigma is
+diag(su^2, sv^2, stheta^2), which is what is here, a trilinear interpolant's expectation is exact and separable: along
+each axis a vertex k weighs E[hat(X - k)], hat(t) = max(0, 1 - |t|), X ~ N(x, sigma^2). `planning/coupled.py` has any
+other Sigma.
 
 The paper smooths at the poses of Q, interpolates trilinearly and takes the maximum. The maximum of a trilinear
 interpolant always lies on a vertex, so that last step never moves the pose; interpolating before smoothing does.
@@ -14,16 +15,14 @@ The smoothed function itself is therefore evaluated between the poses of Q (`par
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import ndtr
 
 from graspfn.geometry import grid
+from graspfn.planning.uncertainty import PlanningError, check_sigmas
 
 # In cells of theta. Wrapped on six cells, so wide a Gaussian is uniform to the last bit: exp(-2 (10 pi / 6)^2) < 1e-23.
 UNIFORM_SIGMA = 10.0
-
-
-class PlanningError(ValueError):
-    """A grasp function or an uncertainty that no pose can be planned with: one line that says why."""
 
 
 def check_function(f: np.ndarray) -> None:
@@ -33,13 +32,6 @@ def check_function(f: np.ndarray) -> None:
     bad = int(f.size - np.isfinite(f).sum())
     if bad:
         raise PlanningError(f"grasp function: {bad} of its {f.size} scores are NaN or infinite")
-
-
-def check_sigma(sigma_uv_m: float, sigma_theta_rad: float) -> None:
-    """PlanningError unless both are standard deviations."""
-    for name, value, unit in (("sigma_uv", sigma_uv_m, "m"), ("sigma_theta", sigma_theta_rad, "rad")):
-        if not 0 <= value < np.inf:
-            raise PlanningError(f"{name}: is {value:g} {unit}; it takes a finite number of at least 0")
 
 
 def _mean_excess(distance: np.ndarray, sigma: float) -> np.ndarray:
@@ -74,28 +66,26 @@ def wrapped_weights(at: np.ndarray, vertices: int, sigma: float) -> np.ndarray:
     )
 
 
-def robust_function_at(
-    f: np.ndarray, sigma_uv_m: float, sigma_theta_rad: float, v: np.ndarray, u: np.ndarray, theta: np.ndarray
-) -> np.ndarray:
+def robust_function_at(f: np.ndarray, sigmas: ArrayLike, v: np.ndarray, u: np.ndarray, theta: np.ndarray) -> np.ndarray:
     """E[f(q_hat)] (len(v), len(u), len(theta)) float64 on the product of v, u [m] and theta [rad]; f: (33, 44, 6).
 
-    Raises PlanningError for another f and for a sigma that is negative, NaN or infinite.
+    sigmas: (sigma_uv, sigma_theta) or (sigma_u, sigma_v, sigma_theta), metres and radians. Raises PlanningError for
+    another f and for a sigma that is negative, NaN or infinite.
     """
     check_function(f)
-    check_sigma(sigma_uv_m, sigma_theta_rad)
+    sigma_u, sigma_v, sigma_theta = check_sigmas(sigmas)
     n_v, n_u, n_theta = grid.SHAPE
-    sigma_cells = sigma_uv_m / grid.CELL_M
-    along_v = axis_weights(np.asarray(v) / grid.CELL_M + (n_v - 1) / 2, n_v, sigma_cells)
-    along_u = axis_weights(np.asarray(u) / grid.CELL_M + (n_u - 1) / 2, n_u, sigma_cells)
-    along_theta = wrapped_weights(np.asarray(theta) / grid.CELL_RAD, n_theta, sigma_theta_rad / grid.CELL_RAD)
+    along_v = axis_weights(np.asarray(v) / grid.CELL_M + (n_v - 1) / 2, n_v, sigma_v / grid.CELL_M)
+    along_u = axis_weights(np.asarray(u) / grid.CELL_M + (n_u - 1) / 2, n_u, sigma_u / grid.CELL_M)
+    along_theta = wrapped_weights(np.asarray(theta) / grid.CELL_RAD, n_theta, sigma_theta / grid.CELL_RAD)
     smooth_v = np.tensordot(along_v, np.asarray(f, dtype=float), axes=(1, 0))
     smooth_vu = np.einsum("vjt,uj->vut", smooth_v, along_u, optimize=True)
     return smooth_vu @ along_theta.T
 
 
-def smooth(f: np.ndarray, sigma_uv_m: float, sigma_theta_rad: float) -> np.ndarray:
-    """The robust grasp function (33, 44, 6) at the poses of Q; f itself where both sigmas are 0."""
-    return robust_function_at(f, sigma_uv_m, sigma_theta_rad, *grid.axes())
+def smooth(f: np.ndarray, sigmas: ArrayLike) -> np.ndarray:
+    """The robust grasp function (33, 44, 6) at the poses of Q; f itself where all sigmas are 0."""
+    return robust_function_at(f, sigmas, *grid.axes())
 
 
 def fine_axes(fine_uv: int, fine_theta: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -11,6 +11,7 @@ from graspfn.evaluation.planner import TRUE
 from graspfn.geometry import grid
 from graspfn.planning.methods import ROBUST, best_grasp, robust_best_grasp
 from graspfn.planning.smoothing import axis_weights
+from graspfn.planning.uncertainty import PoseUncertainty
 from graspfn.reporting.figures import (
     depth_images,
     expected,
@@ -66,9 +67,7 @@ def _robust(
 ) -> np.ndarray | None:
     """Ties are drawn as the evaluation draws them."""
     rng = generator(inputs.params.seed, "plan", example.id, network)
-    return robust_best_grasp(
-        example.functions[network], sigma[0] / 1000, float(np.radians(sigma[1])), inputs.params.plan, rng
-    )
+    return robust_best_grasp(example.functions[network], PoseUncertainty.of(*sigma), inputs.params.plan, rng)
 
 
 def _functions(inputs: ReportInputs, network: str) -> Iterator[Plate]:

@@ -1,0 +1,174 @@
+"""The robust grasp function (paper VI) where errors of position and angle go together: any covariance, also singular.
+
+Errors along theta are those that go with the position, and a rest that does not: theta = B (u, v) + N(0, s^2). The
+rest is smoothed exactly, as in `planning/smoothing.py`. Over the errors in (u, v) runs a sum: along each of their two
+principal axes strips of equal width, each at its mean and with its probability. Scores change over a cell, so a strip
+is a third of a cell wide; what leaves Q from wherever the gripper is sent is left out.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numba
+import numpy as np
+from scipy import fft
+from scipy.special import ndtr
+
+from graspfn.geometry import grid
+from graspfn.planning.smoothing import wrapped_weights
+
+REACH = 4.0  # standard deviations: what is further out has a probability of 6e-5
+STRIPS_A_CELL = 3.0
+FEWEST, MOST, MOST_OF_ONE = 24, 128, 1024  # strips along an axis; the last where the other axis is certain
+CERTAIN = 1e-4  # cells: a micrometre
+ANGLES = 24  # per cell of theta: it turns between them as if scores were linear there, which they are where s is 0
+FEW = 6  # poses for which it does not pay to smooth all of f along theta
+N_V, N_U, N_THETA = grid.SHAPE
+FFT_AXES = (2, 0, 1)
+CELLS = np.array([grid.CELL_M, grid.CELL_M, grid.CELL_RAD])  # of v, u, theta
+
+
+def in_cells(covariance: np.ndarray) -> np.ndarray:
+    """(3, 3) of (u, v, theta), metres and radians -> of (v, u, theta), the axes of a grasp function, in cells."""
+    return covariance[np.ix_([1, 0, 2], [1, 0, 2])] / np.outer(CELLS, CELLS)
+
+
+def _strips(sigma: float, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Offsets (n,) in cells, and their probabilities, of errors along one axis."""
+    if sigma <= CERTAIN:
+        return np.zeros(1), np.ones(1)
+    reach = min(REACH, float(np.hypot(N_V, N_U)) / sigma)
+    n = int(np.clip(np.ceil(2 * reach * sigma * STRIPS_A_CELL), FEWEST, most))
+    edges = np.linspace(-reach, reach, n + 1)
+    mass = np.diff(ndtr(edges))
+    means = -np.diff(np.exp(-0.5 * edges**2)) / np.sqrt(2 * np.pi) / mass
+    return means * sigma, mass / mass.sum() if reach == REACH else mass
+
+
+def _errors(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Errors (N, 3) in (v, u, theta) and their probabilities (N,), and the s of what is left of theta; all in cells."""
+    variances, axes = np.linalg.eigh(covariance[:2, :2])
+    sigmas = np.sqrt(variances.clip(0))
+    most = MOST if (sigmas > CERTAIN).all() else MOST_OF_ONE
+    (one, weights_one), (two, weights_two) = (_strips(float(sigma), most) for sigma in sigmas)
+    along = np.stack(np.meshgrid(one, two, indexing="ij"), axis=-1).reshape(-1, 2)
+    weights = np.outer(weights_one, weights_two).ravel()
+    errors = along @ axes.T
+    inside = (np.abs(errors) < [N_V, N_U]).all(axis=1)
+    shared = axes.T @ covariance[:2, 2]
+    per_axis = np.divide(shared, variances, out=np.zeros(2), where=sigmas > CERTAIN)
+    rest = np.sqrt(max(covariance[2, 2] - shared @ per_axis, 0.0))
+    turns = (along @ per_axis) % N_THETA
+    return np.column_stack([errors, turns])[inside], weights[inside], float(rest)
+
+
+@numba.njit(error_model="numpy")
+def _deposit(errors, weights, over_theta, at, shape):  # type: ignore[no-untyped-def]
+    """(shape, 6) weight of each vertex for a pose at index `at` (3,), theta of it and of errors (N, 3) in [0, 6).
+
+    over_theta: (6 ANGLES + 1, 6) weights of the vertices at angles.
+    """
+    n_v, n_u = shape
+    angles = len(over_theta) - 1
+    total = np.zeros((n_v, n_u, 6))
+    for i in range(len(weights)):
+        v, u = at[0] + errors[i, 0], at[1] + errors[i, 1]
+        if v <= -1 or u <= -1 or v >= n_v or u >= n_u:
+            continue
+        theta = (at[2] + errors[i, 2]) * (angles / 6)
+        if theta >= angles:
+            theta -= angles
+        row, column, angle = int(np.floor(v)), int(np.floor(u)), min(int(theta), angles - 1)
+        dv, du, turn = v - row, u - column, theta - angle
+        for a in range(2):
+            for b in range(2):
+                if 0 <= row + a < n_v and 0 <= column + b < n_u:
+                    weight = weights[i] * (dv if a else 1 - dv) * (du if b else 1 - du)
+                    for k in range(6):
+                        share = (1 - turn) * over_theta[angle, k] + turn * over_theta[angle + 1, k]
+                        total[row + a, column + b, k] += weight * share
+    return total
+
+
+@numba.njit(error_model="numpy")
+def _means(padded, errors, weights, at):  # type: ignore[no-untyped-def]
+    """(P,) weighted means over errors (N, 3) about indices at (P, 3), theta of both in [0, 6).
+
+    padded: (35, 46, 6 ANGLES + 1), a 0 all round.
+    """
+    n_v, n_u, angles = padded.shape
+    angles -= 1
+    means = np.zeros(len(at))
+    for p in range(len(at)):
+        for i in range(len(weights)):
+            v, u = at[p, 0] + errors[i, 0] + 1, at[p, 1] + errors[i, 1] + 1
+            if v <= 0 or u <= 0 or v >= n_v - 1 or u >= n_u - 1:
+                continue
+            theta = (at[p, 2] + errors[i, 2]) * (angles / 6)
+            if theta >= angles:
+                theta -= angles
+            row, column, angle = int(v), int(u), min(int(theta), angles - 1)
+            dv, du, turn = v - row, u - column, theta - angle
+            near = (1 - turn) * padded[row, column, angle] + turn * padded[row, column, angle + 1]
+            right = (1 - turn) * padded[row, column + 1, angle] + turn * padded[row, column + 1, angle + 1]
+            below = (1 - turn) * padded[row + 1, column, angle] + turn * padded[row + 1, column, angle + 1]
+            across = (1 - turn) * padded[row + 1, column + 1, angle] + turn * padded[row + 1, column + 1, angle + 1]
+            means[p] += weights[i] * ((1 - dv) * ((1 - du) * near + du * right) + dv * ((1 - du) * below + du * across))
+    return means
+
+
+class Coupled:
+    """f (33, 44, 6) smoothed with one covariance (3, 3) of (u, v, theta), metres and radians, checked."""
+
+    def __init__(self, f: np.ndarray, covariance: np.ndarray):
+        self.f = np.asarray(f, dtype=float)
+        self._errors, self._weights, rest = _errors(in_cells(covariance))
+        self._over_theta = wrapped_weights(np.arange(N_THETA * ANGLES + 1) / ANGLES, N_THETA, rest)
+
+    @functools.cached_property
+    def _padded(self) -> np.ndarray:
+        """(35, 46, 6 ANGLES + 1): f smoothed with what is left of theta, a 0 all round."""
+        return np.pad(self.f @ self._over_theta.T, ((1, 1), (1, 1), (0, 0)))
+
+    @functools.cached_property
+    def _spectrum(self) -> np.ndarray:
+        """Of f, with as much room around it as the errors reach."""
+        padded = np.zeros((*self._size, N_THETA))
+        padded[:N_V, :N_U] = self.f
+        return fft.rfftn(padded, axes=FFT_AXES)
+
+    @property
+    def _size(self) -> tuple[int, int]:
+        r_v, r_u = self._reach
+        return fft.next_fast_len(int(N_V + r_v)), fft.next_fast_len(int(N_U + r_u))
+
+    @functools.cached_property
+    def _reach(self) -> np.ndarray:
+        """(2,) cells along v and u over which vertices weigh on a pose, or on one up to a cell further."""
+        reach = np.ceil(np.abs(self._errors[:, :2]).max(axis=0)).astype(int) + 2
+        return np.minimum(reach, [N_V - 1, N_U - 1])
+
+    def on_q(self, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
+        """(33, 44, 6) at the poses of Q, or at all of them shifted by a part of a cell in (v, u, theta).
+
+        A correlation of f with the weights that the vertices around a pose have: by FFT, with room for their reach.
+        """
+        r_v, r_u = self._reach
+        middle = np.array([r_v, r_u, 0]) + shift
+        weights = _deposit(self._errors, self._weights, self._over_theta, middle, (2 * r_v + 1, 2 * r_u + 1))
+        rolled = np.zeros((*self._size, N_THETA))
+        rows, columns = np.arange(-r_v, r_v + 1), np.arange(-r_u, r_u + 1)
+        rolled[rows[:, None], columns] = weights
+        spectrum = self._spectrum * fft.rfftn(rolled, axes=FFT_AXES).conj()
+        smoothed: np.ndarray = fft.irfftn(spectrum, (N_THETA, *self._size), axes=FFT_AXES)[:N_V, :N_U]
+        return smoothed
+
+    def at_index(self, index: np.ndarray) -> np.ndarray:
+        """(P,) at grid coordinates (P, 3) in (v, u, theta)."""
+        index = np.array(index, dtype=float)
+        index[:, 2] %= N_THETA
+        if len(index) < FEW:
+            kernels = (_deposit(self._errors, self._weights, self._over_theta, at, (N_V, N_U)) for at in index)
+            return np.array([np.vdot(kernel, self.f) for kernel in kernels])
+        return _means(self._padded, self._errors, self._weights, index)
