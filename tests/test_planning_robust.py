@@ -187,5 +187,5 @@ def test_nothing_above_zero_is_no_grasp_and_no_function_is_refused(sigma):
     sigma = PoseUncertainty(sigma)
     for f in (np.zeros(grid.SHAPE), np.full(grid.SHAPE, -0.1)):
         assert robust_best_grasp(f, sigma, PLAN) is None
-    with pytest.raises(PlanningError, match="^grasp function"):
+    with pytest.raises(PlanningError, match=r"^grasp function"):
         RobustFunction(np.full(grid.SHAPE, np.nan), sigma)
