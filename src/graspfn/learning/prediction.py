@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -48,3 +49,16 @@ def predict_both(
     nothing = np.empty((0, *SHAPE), np.float32), np.empty((0, *SHAPE), np.uint8)
     scores, likeliest = (np.concatenate(every) for every in zip(nothing, *parts, strict=True))
     return scores, likeliest
+
+
+class OneByOne:
+    """A network as a planner calls it: for one image at a time, from any thread."""
+
+    def __init__(self, network: GraspNetwork, device: torch.device | None = None):
+        self._network, self._device, self._turn = network, device, threading.Lock()
+
+    def __call__(self, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(channels, 132, 176) float32 -> scores (33, 44, 6) float32 and likeliest classes (33, 44, 6) uint8."""
+        with self._turn:  # how many threads torch takes is set for the whole process
+            scores, likeliest = predict_both(self._network, inputs[None], self._device)
+        return scores[0], likeliest[0]
