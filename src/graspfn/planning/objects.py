@@ -16,9 +16,10 @@ LEAST_CELLS = 16  # a square centimetre; less is a speck
 # Pieces no further apart are one object's, the legs of a chair: no finger goes between them without touching one. The
 # test objects' pieces are up to 21 mm apart.
 APART_M = 0.03
-# Parts of an object beyond an edge: points that stand so high, so close to what is seen of it, and so many of them.
-STANDING_M, NEAR_OBJECT_M, POINTS = 0.01, 0.02, 5
-EDGE_PX = 2  # of the view
+# Parts of an object beyond an edge: points that stand so high, so close to what is seen of it.
+STANDING_M, NEAR_OBJECT_M = 0.01, 0.02
+CUT_M = 0.015  # along the edge of the view; an object that just touches it is whole
+FEW_POINTS = 5  # beyond Q
 BESIDE_M = 0.01  # beyond Q: up to there the training objects reach as well, which are placed in the paper's view
 EVERY_PX = 4
 HALF_M = np.array(SHAPE[::-1]) * CELL_M / 2  # of Q's extent along u and v
@@ -36,12 +37,13 @@ def whole_object(seen: HeightMap, depth: np.ndarray, camera: Camera, view: np.nd
     count = objects(mask)
     if count > 1:
         return f"several objects: {count} that stand more than {1000 * APART_M:g} mm apart; it takes one"
-    if _standing_near(mask, _on_edge(depth, view), depth, camera) >= POINTS:
+    cut = _standing_near(mask, _on_edge(depth, view), depth, camera)
+    if cut * camera.table_depth / camera.K[0] > CUT_M:
         return "the object leaves the view"
     if mask[:2].any() or mask[-2:].any() or mask[:, :2].any() or mask[:, -2:].any():
         beside = np.zeros(depth.shape, dtype=bool)
         beside[::EVERY_PX, ::EVERY_PX] = True if view is None else view[::EVERY_PX, ::EVERY_PX]
-        if _standing_near(mask, beside, depth, camera, beyond=BESIDE_M) >= POINTS:
+        if _standing_near(mask, beside, depth, camera, beyond=BESIDE_M) >= FEW_POINTS:
             width, height = 200 * HALF_M
             return f"the object leaves the {width:g} x {height:g} cm of the table that grasps are planned on"
     return ""
@@ -60,9 +62,9 @@ def _on_edge(depth: np.ndarray, view: np.ndarray | None) -> np.ndarray:
     """(height, width) bool: the outermost pixels of the view."""
     if view is None:
         edge = np.ones(depth.shape, dtype=bool)
-        edge[EDGE_PX:-EDGE_PX, EDGE_PX:-EDGE_PX] = False
+        edge[1:-1, 1:-1] = False
         return edge
-    square = np.ones((2 * EDGE_PX + 1, 2 * EDGE_PX + 1), np.uint8)
+    square = np.ones((3, 3), np.uint8)
     inside = cv2.erode(view.astype(np.uint8), square, borderType=cv2.BORDER_CONSTANT, borderValue=0)
     return view & (inside == 0)
 
