@@ -58,12 +58,9 @@ def axis_weights(at: np.ndarray, vertices: int, sigma: float) -> np.ndarray:
 def wrapped_weights(at: np.ndarray, vertices: int, sigma: float) -> np.ndarray:
     """`axis_weights` on a circle of `vertices` cells: the sum over all turns, so that rows sum to 1."""
     sigma = min(sigma, UNIFORM_SIGMA)
-    turns = int(np.ceil((8 * sigma + 1) / vertices)) + 1
-    offset = np.mod(np.asarray(at), vertices)[:, None] - np.arange(vertices)
-    return sum(
-        (hat_weights(offset + turn * vertices, sigma) for turn in range(-turns, turns + 1)),
-        start=np.zeros_like(offset),
-    )
+    turns = int(np.ceil((8 * sigma + 1) / vertices))
+    offset = np.mod(np.asarray(at), vertices)[:, None, None] - np.arange(vertices)
+    return hat_weights(offset + np.arange(-turns, turns + 1)[:, None] * vertices, sigma).sum(axis=1)
 
 
 def robust_function_at(f: np.ndarray, sigmas: ArrayLike, v: np.ndarray, u: np.ndarray, theta: np.ndarray) -> np.ndarray:
