@@ -51,12 +51,12 @@ OBJECTS = {
 }
 # gripper, object, angle of Q: digest of the outcomes, and how many attempts held
 LABELS = {
-    ("kinova_mico", "box", 1): ("48ee277ac270e26c", 24),
-    ("kinova_mico", "ring", 4): ("12af854e520f9106", 28),
-    ("kinova_mico", "cup", 1): ("3ac1b4952e8b996e", 21),
-    ("kinova_mico", "cup", 4): ("7ca5cc589f149a43", 21),
-    ("kinova_mico", "rod", 4): ("4d0fd5552417e820", 98),
-    ("franka_hand", "ring", 1): ("46902bfc3e5bedd7", 19),
+    ("kinova_mico", "box", 1): ("4af3de8137531f42", 25),
+    ("kinova_mico", "ring", 4): ("3fb8841355b7b768", 30),
+    ("kinova_mico", "cup", 1): ("eacefe4672d10527", 25),
+    ("kinova_mico", "cup", 4): ("d955450b9c2cc00d", 28),
+    ("kinova_mico", "rod", 4): ("882567a134cd1fdd", 103),
+    ("franka_hand", "ring", 1): ("1f05bd5390bb86b8", 28),
 }
 # object, four times as large: fit_scale and T_world_object
 PLACED = {
