@@ -94,7 +94,8 @@ def _compiled() -> Any:
     ):
         # DART bounds friction by the normal forces that there would be without it. Without it an object between two
         # fingers may escape, and fingers that follow no faster than their drives allow would hardly press on it. So
-        # they are let go, and the step is taken again where friction did not hold them (docs/physics.md).
+        # they are let go, and the step is taken again where friction did not hold them; and friction is bounded by the
+        # normal forces of contacts that stick, for as long as both fingers touch the object (docs/physics.md).
         positions, velocities = np.empty(len(dofs)), np.empty(len(dofs))
         for _ in range(steps):
             left = min(velocity(dofs[LEFT]) + spurt, speed)

@@ -18,8 +18,10 @@ import numpy as np
 from graspfn.physics.native import POINTER, address, function
 
 SOLVE = "_ZN4dart10constraint21DantzigBoxedLcpSolver5solveEiPdS2_S2_iS2_S2_Pib"
-BEFORE, BEHIND = 2, 6  # words of a table of virtual methods, on either side of where its objects point to
+TABLE = "_ZTVN4dart10constraint21DantzigBoxedLcpSolverE"
+WORDS, POINTED, SOLVES = 6, 2, 5  # of that table: how many, to which objects point, and which is `solve`
 WORD = ctypes.sizeof(POINTER)
+UNKNOWN = f"{dart.__file__} lays its contact solver out in another way: it takes dartpy 6.20"
 EXCESS = 0.05  # share of all bounds together by which frictions, all together, may exceed their own
 
 
@@ -27,19 +29,30 @@ def tables(solver: dart.constraint.DantzigBoxedLcpSolver) -> np.ndarray:
     """(2,) addresses that the object at `address(solver)` may begin with: it solves as DART does, and by sticking.
 
     dartpy has no way to make a solver of one's own. C++ looks for `solve` in a table that the object points to.
+    Raises ImportError where DART's own table, or what points to it, is not as this module takes it.
     """
-    darts = POINTER.from_address(address(solver)).value
-    return np.array([darts, _table(darts)], dtype=np.uintp)
+    original = _location(TABLE) + POINTED * WORD
+    if POINTER.from_address(address(solver)).value != original:
+        raise ImportError(UNKNOWN)
+    return np.array([original, _table()], dtype=np.uintp)
 
 
 @functools.cache
-def _table(original: int) -> int:
-    """Where objects point to in a copy of the table with our `solve`; `original`: where they do in DART's own."""
-    words = POINTER * (BEFORE + BEHIND)
-    table = words(*words.from_address(original - BEFORE * WORD))
-    table[list(table).index(ctypes.cast(function(SOLVE, None), ctypes.c_void_p).value)] = _solve().address
+def _table() -> int:
+    """Where objects point to in a copy of DART's table with our `solve`."""
+    words = POINTER * WORDS
+    table = words(*words.from_address(_location(TABLE)))
+    if table[SOLVES] != _location(SOLVE):
+        raise ImportError(UNKNOWN)
+    table[SOLVES] = _solve().address
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(table))  # solvers may outlive this module
-    return ctypes.addressof(table) + BEFORE * WORD
+    return ctypes.addressof(table) + POINTED * WORD
+
+
+def _location(name: str) -> int:
+    where = ctypes.cast(function(name, None), ctypes.c_void_p).value
+    assert where is not None
+    return where
 
 
 @functools.cache
@@ -61,7 +74,7 @@ def _solve() -> Any:
         for i in friction:
             bound = share[i] * max(x[normal[i]], 0.0)
             over, allowed = over + max(abs(x[i]) - bound, 0.0), allowed + bound
-        return over > EXCESS * allowed
+        return not over <= EXCESS * allowed  # NaN does too
 
     @numba.cfunc("uint8(voidptr, int32, voidptr, voidptr, voidptr, int32, voidptr, voidptr, voidptr, uint8)")
     def solve(solver, n, A_, x_, b_, free, low_, high_, normal_, early):  # type: ignore[no-untyped-def]
@@ -77,7 +90,7 @@ def _solve() -> Any:
             for i in friction:
                 highest[i] = high[i] * max(x[normal[i]], 0.0)
                 lowest[i] = -highest[i]
-                slips = slips or abs(x[i]) > highest[i]
+                slips = slips or not abs(x[i]) <= highest[i]  # NaN does too
             if not slips:
                 return 1
             if found(solver, n, A, x, b, free, lowest, highest, early) and not exceeded(x, friction, normal, high):
