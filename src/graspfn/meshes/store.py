@@ -25,6 +25,8 @@ COLUMNS = {
     "split": "str",
     "shape": "str",  # the id of the first object of the split with this shape
     "signature": "object",  # (11,) of the shape
+    "nearest": "str",  # of a test object, the training object that comes nearest to its shape; else ""
+    "nearest_distance": "float64",  # mean distance of the two surfaces laid on each other, in sizes of that one; or NaN
     "scale": "float64",  # the mesh's own units to those of the object
     "size_m": "float64",  # largest extent along the mesh's own axes
     "volume_m3": "float64",  # what the mass is reckoned from
