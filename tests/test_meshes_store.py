@@ -5,9 +5,10 @@ import pytest
 import trimesh
 
 from graspfn.meshes.errors import MeshError
-from graspfn.meshes.store import COLUMNS, MANIFEST, Object, load_object, read_manifest, write_objects
+from graspfn.meshes.store import MANIFEST, load_object, read_manifest
 from graspfn.params import Meshes
 from graspfn.selection.selection import select
+from graspfn.selection.written import COLUMNS, Object, write_objects
 
 MESHES = Meshes(
     source="procedural",

@@ -11,7 +11,6 @@ import trimesh
 
 from graspfn.meshes.errors import MeshError, RejectedMeshError
 from graspfn.meshes.mass import solid
-from graspfn.meshes.store import Object, Row
 from graspfn.params import Meshes
 from graspfn.seeds import generator
 from graspfn.selection.candidate import Candidate, Source
@@ -20,6 +19,7 @@ from graspfn.selection.collision import collision_mesh
 from graspfn.selection.signature import Shapes, signature
 from graspfn.selection.sources import source_of
 from graspfn.selection.trained import Trained
+from graspfn.selection.written import Object, Row
 
 IN_VAIN = 200  # meshes turned down one after the other: an endless source would go on for ever
 REJECTS = ("split", "source", "name", "class", "reason")
