@@ -15,6 +15,7 @@ import pandas as pd
 import pytest
 import trimesh
 import yaml
+from test_robot_recording import write_trial
 
 from graspfn.evaluation.planner import TRUE
 from graspfn.geometry import grid
@@ -31,7 +32,6 @@ from graspfn.reporting.summary import results_sentence
 from graspfn.reporting.tables import Tables1
 from graspfn.robot.analyse import analyse
 from graspfn.robot.read import read_trial, recordings
-from graspfn.robot.record import write_trial
 from graspfn.robot.trial import Condition, TrialRecording
 from graspfn.selection.written import Object, write_objects
 from graspfn.workflow.files import write_npz, write_parquet
