@@ -15,13 +15,13 @@ import pandas as pd
 import pytest
 import trimesh
 import yaml
+from test_robot_recording import write_trial
 
 from graspfn.evaluation.planner import TRUE
 from graspfn.geometry import grid
 from graspfn.imaging.camera import Camera
 from graspfn.imaging.render import render_depth
 from graspfn.meshes.placed import T_world_object, placed_row, write_placed
-from graspfn.meshes.store import Object, write_objects
 from graspfn.params import read_yaml, validate
 from graspfn.reporting import page
 from graspfn.reporting.figures import nearest, registry, shading
@@ -32,8 +32,8 @@ from graspfn.reporting.summary import results_sentence
 from graspfn.reporting.tables import Tables1
 from graspfn.robot.analyse import analyse
 from graspfn.robot.read import read_trial, recordings
-from graspfn.robot.record import write_trial
 from graspfn.robot.trial import Condition, TrialRecording
+from graspfn.selection.written import Object, write_objects
 from graspfn.workflow.files import write_npz, write_parquet
 
 ROOT = Path(__file__).parents[1]
@@ -58,6 +58,10 @@ def write_split(data, split, camera):
             "licence": "CC0 & more",
         }
         row |= {"split": split, "shape": name, "signature": [0.0], "scale": 1.0, "size_m": 0.12}
+        if split == "test":  # the third never comes to rest
+            row |= {"nearest": "made-box-train-0", "nearest_distance": (0.3, 0.012, 0.006)[i]}
+        else:
+            row |= {"nearest": "", "nearest_distance": np.nan}
         row |= {"volume_m3": mesh.volume, "mass": "volume" if i else "convex hull", "watertight": True, "faces": 12}
         boxes.append(Object(row | {"collision_faces": 12, "cleaning": "", "seed_index": i}, mesh, mesh))
         T = np.eye(4)
@@ -209,7 +213,7 @@ def test_every_figure_is_there_as_png_and_pdf(report, html):
     names = {
         *("summary_1d", "grasp_function", "training_example", "predictions", "growing_uncertainty"),
         *("success_vs_sigma_uv", "training_curves", "label_outcomes", "noise", "inpainting", "example_grasps"),
-        *("simulated_grasp", "films_held", "films_failed", "objects_made", "object_sizes"),
+        *("simulated_grasp", "films_held", "films_failed", "objects_made", "object_sizes", "nearest_pair"),
         *("success_vs_width", "promise_against_fact", "expected_against_trials"),
     }
     files = {path.name for path in (report[0] / "figures").iterdir()}
@@ -219,7 +223,7 @@ def test_every_figure_is_there_as_png_and_pdf(report, html):
 
 def test_the_page_is_well_formed_and_needs_nothing_else(html, parsed):
     assert parsed.misplaced == [] and parsed.open == []
-    assert len(parsed.addresses) == 19
+    assert len(parsed.addresses) == 20
     assert all(address.startswith("data:image/png;base64,") for address in parsed.addresses)
     style = html.split("<style>")[1].split("</style>")[0]
     assert "url(" not in style and "@import" not in style and "<script" not in html
@@ -260,13 +264,21 @@ def test_csv_reads_back(report):
     assert ["sigma_uv_mm", *plotted] == list(series)
 
 
-def test_a_manifest_that_says_what_is_nearest_brings_the_nearest_pair(inputs, monkeypatch):
-    monkeypatch.setattr(shading, "SAMPLES", 1)
-    test = inputs.manifests["test"].assign(nearest="made-box-train-0", nearest_distance=[0.3, 0.1, 0.05])
-    manifests = dict(inputs.manifests) | {"test": test}
-    (plate,) = nearest.plates(inputs.data, manifests, inputs.placed)
-    assert "made-box-test-1 is most like a training object, made-box-train-0, at a distance of 0.1;" in plate.caption
-    assert list(nearest.plates(inputs.data, inputs.manifests, inputs.placed)) == []  # the third never came to rest
+def test_the_nearest_pair_across_the_split_is_drawn(inputs, report, monkeypatch):
+    assert (report[0] / "figures/nearest_pair.png").exists()
+    drawn = []
+    monkeypatch.setattr(nearest, "picture", lambda mesh, *_: drawn.append(mesh.extents[2]) or np.zeros((2, 2, 3)))
+    (plate,) = nearest.plates(inputs.data, inputs.manifests, inputs.placed)
+    assert drawn == pytest.approx([0.03, 0.04])
+    assert "made-box-test-1 is most like a training object, made-box-train-0. " in plate.caption
+    assert "surfaces lie 1.2 % of its size apart on average; of the median test object and its nearest, 1.2 %." in (
+        plate.caption
+    )
+
+
+def test_where_no_neighbour_came_to_rest_there_is_no_pair(inputs):
+    lost = inputs.manifests["test"].assign(nearest="made-box-train-2")
+    assert list(nearest.plates(inputs.data, dict(inputs.manifests) | {"test": lost}, inputs.placed)) == []
 
 
 def test_figures_of_an_earlier_report_do_not_stay(inputs, report, monkeypatch, tmp_path):
@@ -281,7 +293,7 @@ def test_figures_of_an_earlier_report_do_not_stay(inputs, report, monkeypatch, t
 def test_without_a_film_the_other_scenes_are_still_drawn(inputs, monkeypatch):
     monkeypatch.setattr(shading, "SAMPLES", 1)
     bare = dataclasses.replace(inputs, film=None, films={"held": [], "failed": []})
-    assert [plate.name for plate in registry._scenes(bare)] == ["object_sizes", "objects_made"]
+    assert [plate.name for plate in registry._scenes(bare)] == ["object_sizes", "objects_made", "nearest_pair"]
 
 
 def test_a_picture_is_its_own_bytes():

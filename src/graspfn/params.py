@@ -202,9 +202,11 @@ class Settle:
     drop_mm: Annotated[float, Key("height of the lowest point at the drop, mm", at_least=0)]
     limit_s: Annotated[float, Key("simulated time after which an object counts as never resting, s", above=0)]
     fit: Annotated[
-        bool, Key("objects that do not fit the gripper are made smaller or dropped anew; false: all are kept")
+        bool, Key("objects of which no part fits the gripper are made smaller or dropped anew; false: all are kept")
     ]
-    room_mm: Annotated[float, Key("room that an object has to leave between the open fingers, mm", at_least=0)]
+    room_mm: Annotated[
+        float, Key("room that a part of an object has to leave between the open fingers, mm", at_least=0)
+    ]
 
 
 @dataclass(frozen=True)
