@@ -16,6 +16,7 @@ from scipy.special import ndtr
 from graspfn.geometry import grid
 
 FEW = 10.0  # effective attempts, below which an estimate of one object says little
+NOTHING = 1e-100  # of weight in all: the pose is so far from Q that squares of weights vanish
 TURNS = 2  # half turns of theta either way: enough for 60 degrees of standard deviation
 
 
@@ -48,7 +49,7 @@ def expected_success(q: np.ndarray, sigma_uv_m: float, sigma_theta_rad: float, a
     near = _near(q, sigma_uv_m)
     weights = _density(attempts.q[near] - q, sigma_uv_m, sigma_theta_rad)
     held, total = attempts.held[near], weights.sum()
-    if total == 0:
+    if total < NOTHING:
         return Expected(np.nan, np.nan, 0.0)
     inside = _mass_within_q(q, sigma_uv_m)
     ratio = (weights * held).sum() / total
