@@ -204,7 +204,8 @@ def _planned(
     scene = Scene(case.name, seen, case.shift_uv, case.theta)
     wanted = {(own.name, own.seed): own.kind for own in networks if own.kind != "depth" or not view.fit}
     given = [f for f in functions if (f.network, f.training_seed) in wanted]
-    own = [GraspFunction(TRUE, UNTRAINED, case.f)] if case.f is not None and view.shot.disturbance == CLEAN else []
+    once = view.fit and view.shot.disturbance == CLEAN  # no image moves what labels plan
+    own = [GraspFunction(TRUE, UNTRAINED, case.f)] if once and case.f is not None else []
     highest = {(f.network, f.training_seed): float(f.f.max()) for f in given + own}
     (plans,) = conditions.planner.plans(scene, given + own, [conditions.uncertainty])
     for planned in plans:

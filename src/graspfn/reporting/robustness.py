@@ -166,7 +166,7 @@ def caption_robustness(table: pd.DataFrame, disturb: Any, scale: str) -> str:
     trials, objects, planned = (int(table[name].max()) for name in ("trials", "objects", "planned"))
     refused = table[table["network"] != TRUE]
     count, of = int(refused["refused"].sum()), int(refused["planned"].sum())
-    turned_down = f"In {count:,} of {of:,} cases the image was refused, which is no grasp. " if count else ""
+    turned_down = f"For {count:,} of the {of:,} plans the image was refused, which is no grasp. " if count else ""
     return (
         f"Robustness (ours, not the paper's), scale “{scale}”: disturbed depth images of {planned:,} test objects, "
         "with the table found in the image and with the camera's pose believed; each plan is executed with "
