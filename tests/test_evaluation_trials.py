@@ -22,7 +22,7 @@ from graspfn.imaging.camera import Camera
 from graspfn.imaging.height_map import HeightMap, height_map
 from graspfn.imaging.render import render_depth
 from graspfn.imaging.warp import sample_function
-from graspfn.learning.dataset import CLASSES
+from graspfn.learning.targets import CLASSES
 from graspfn.meshes.placed import Resting
 from graspfn.params import Plan
 from graspfn.physics.attempt import Outcome, Result
