@@ -29,7 +29,9 @@ test: setup
 
 bench: setup
 	graspfn check
+	python benchmarks/height_map.py
 	python benchmarks/run.py
+	python benchmarks/feeding.py
 
 # DVC has to be told that an unpacked archive is no git repository. It reads one that git refuses, all but for its diffs.
 setup: $(STAMP)

@@ -9,7 +9,7 @@ import pandas as pd
 from graspfn.evaluation.cases import Cases, Protocol, try_object
 from graspfn.evaluation.planner import Planner
 from graspfn.evaluation.trials import Trial
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.params import Declared
 from graspfn.physics.world import Rig
 from graspfn.workflow.files import keep_only, write_parquet
@@ -29,10 +29,10 @@ def packed(parts: list[list[Trial]]) -> Arrays:
 
 @stage("evaluate")
 def main(params: Declared) -> None:
-    rig, camera = Rig(params.physics, params.gripper, params.attempt), Intrinsics.from_params(params.camera)
+    rig, camera = Rig(params.physics, params.gripper, params.attempt), Camera.from_params(params.camera)
     cells = tuple((uv, theta) for theta, uv in product(params.evaluate.sigma_theta_deg, params.evaluate.sigma_uv_mm))
-    planner = Planner(params.plan, camera, params.seed)
-    protocol = Protocol(rig, planner, params.noise, cells, params.evaluate.errors_per_object, params.seed)
+    planner, errors = Planner(params.plan, params.seed), params.evaluate.errors_per_object
+    protocol = Protocol(rig, planner, camera, params.table, params.noise, cells, errors, params.seed)
     runs = list(product(params.networks, params.training_seeds))
     keep_only(FUNCTIONS, [f"{network}-{seed}.npz" for network, seed in runs])
     cases = Cases(DATA, protocol, runs)

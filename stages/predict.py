@@ -6,13 +6,12 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from graspfn.imaging.camera import Intrinsics
-from graspfn.imaging.holes import fill_holes
+from graspfn.imaging.camera import Camera
 from graspfn.imaging.network_input import network_input
 from graspfn.imaging.noise import observe
 from graspfn.learning.device import pick_device
 from graspfn.learning.prediction import predict_both
-from graspfn.learning.weights import load_network
+from graspfn.learning.weights import input_kind, load_network
 from graspfn.params import Declared
 from graspfn.workflow.files import write_npz
 from graspfn.workflow.stage import stage
@@ -24,14 +23,15 @@ IMAGES, NETWORKS, OUT = Path("data/images"), Path("data/networks"), Path("data/f
 def main(params: Declared) -> None:
     ids = pd.read_parquet(IMAGES / "test.parquet")["id"].tolist()
     images = np.load(IMAGES / "test.npy", mmap_mode="r")
-    camera = Intrinsics.from_params(params.camera)
+    camera = Camera.from_params(params.camera)
+    run = "-".join(params.items)
+    kind = input_kind(NETWORKS / run)
     inputs = np.stack(
         [
-            network_input(fill_holes(observe(image, params.noise, params.seed, name), camera), camera)
+            network_input(observe(image, params.noise, params.seed, name), camera, kind, params.table)
             for image, name in tqdm(zip(images, ids, strict=True), desc="observe", total=len(ids), unit="image")
         ]
     )
-    run = "-".join(params.items)
     scores, likeliest = predict_both(load_network(NETWORKS / run), inputs, pick_device(params.compute.device))
     write_npz(OUT / f"{run}.npz", {"ids": np.array(ids), "scores": scores, "likeliest": likeliest})
 

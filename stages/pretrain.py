@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
-from graspfn.imaging.camera import Intrinsics
-from graspfn.learning.dataset import ClassSamples
+from graspfn.imaging.camera import Camera
+from graspfn.learning.dataset import Samples, inputs_of
 from graspfn.learning.networks import build_network
 from graspfn.learning.pretraining import class_indices, pretrain
+from graspfn.learning.targets import ClassTargets
 from graspfn.learning.training import resources
 from graspfn.learning.weights import save_network
 from graspfn.params import Declared
@@ -20,9 +20,10 @@ IMAGES, TABLE, OUT = Path("data/images"), Path("data/augmentation.parquet"), Pat
 @stage("pretrain")
 def main(params: Declared) -> None:
     classes, names = class_indices(pd.read_parquet(IMAGES / "train.parquet")["class"].tolist())
-    images = np.load(IMAGES / "train.npy", mmap_mode="r")
-    camera = Intrinsics.from_params(params.camera)
-    samples = ClassSamples(images, classes, pd.read_parquet(TABLE), camera, params.noise)
+    table = pd.read_parquet(TABLE)
+    table = table[~table["empty"]].reset_index(drop=True)  # nothing has no class
+    inputs = inputs_of(params.network.input, IMAGES, table, Camera.from_params(params.camera), params.noise)
+    samples = Samples(table, inputs, ClassTargets(classes, table))
     run, seed = "-".join(params.items), params.seed + int(params.items[1])
     network = build_network(params.network, seed)
     scratch = resources(params.compute, f"pretrain-{run}")

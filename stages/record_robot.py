@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from graspfn.evaluation.planner import Planner
-from graspfn.imaging.camera import Intrinsics
-from graspfn.imaging.render import renderer
+from graspfn.imaging.camera import Camera
+from graspfn.imaging.renderers import renderer
 from graspfn.learning.device import pick_device
-from graspfn.learning.weights import load_network
+from graspfn.learning.weights import input_kind, load_network
 from graspfn.params import Declared
 from graspfn.physics.world import Rig
 from graspfn.robot.read import read_trial, recordings
@@ -27,8 +27,9 @@ ROOMS = ("seeds.py", "geometry", "meshes", "physics", "imaging", "learning", "pl
 
 
 def scenes_of(params: Declared) -> Scenes:
-    seed, camera = params.training_seeds[0], Intrinsics.from_params(params.camera)
-    networks = {name: (seed, load_network(NETWORKS / f"{name}-{seed}")) for name in params.networks}
+    seed = params.training_seeds[0]
+    folders = {name: NETWORKS / f"{name}-{seed}" for name in params.networks}
+    networks = {name: (seed, input_kind(folder), load_network(folder)) for name, folder in folders.items()}
     cells = list(zip(params.robot.sigma_uv_mm, params.robot.sigma_theta_deg, strict=True))
     return Scenes(
         DATA,
@@ -36,7 +37,9 @@ def scenes_of(params: Declared) -> Scenes:
         params.robot.placements,
         networks,
         cells,
-        Planner(params.plan, camera, params.seed),
+        Planner(params.plan, params.seed),
+        Camera.from_params(params.camera),
+        params.table,
         params.noise,
         renderer(params.camera.renderer),
         Rig(params.physics, params.gripper, params.attempt),

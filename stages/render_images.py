@@ -1,4 +1,7 @@
-"""Render depth images: training objects in the middle, test objects at random placements (paper IV-B, VII-A)."""
+"""Render depth images: training objects in the middle, test objects at random placements (paper IV-B, VII-A).
+
+Of training objects also the heights as seen from straight above, which networks with input: height_map learn from.
+"""
 
 from pathlib import Path
 
@@ -7,9 +10,10 @@ import pandas as pd
 from tqdm import tqdm
 
 from graspfn.geometry.transforms import T_world_scene
-from graspfn.imaging.camera import Intrinsics
-from graspfn.imaging.placement import random_placement
-from graspfn.imaging.render import renderer
+from graspfn.imaging.camera import Camera
+from graspfn.imaging.orthographic import render_heights
+from graspfn.imaging.placement import PLACING, random_placement
+from graspfn.imaging.renderers import renderer
 from graspfn.meshes.placed import T_world_object, load_placed, read_resting
 from graspfn.params import Declared
 from graspfn.seeds import generator
@@ -21,25 +25,29 @@ OBJECTS, PLACED, OUT = Path("data/objects"), Path("data/placed"), Path("data/ima
 
 @stage("render_images")
 def main(params: Declared) -> None:
-    camera = Intrinsics.from_params(params.camera)
+    camera = Camera.from_params(params.camera)
     render = renderer(params.camera.renderer)
     OUT.mkdir(parents=True, exist_ok=True)
     for split in ("train", "test"):
         placed = read_resting(PLACED / f"{split}.parquet")
         shape = (len(placed), camera.height, camera.width)
         images = np.lib.format.open_memmap(OUT / f"{split}.npy", "w+", np.float32, shape)
-        rows = []
+        rows, heights = [], []
         for i, row in enumerate(tqdm(placed.to_dict("records"), desc=f"render {split}", unit="image")):
             mesh, T = load_placed(OBJECTS / split, row), T_world_object(row)
-            images[i] = render(mesh, T, camera)
             line = {"row": i, "id": row["id"], "class": row["class"]}
             if split == "test":
                 rng = generator(params.seed, "render_images", row["id"])
-                shift, theta = random_placement(images[i], camera, rng)
-                images[i] = render(mesh, T_world_scene(shift, theta) @ T, camera)
+                shift, theta = random_placement(render(mesh, T, PLACING), PLACING, rng)
+                T = T_world_scene(shift, theta) @ T
                 line |= {"shift_u_m": shift[0], "shift_v_m": shift[1], "theta_rad": theta}
+            else:
+                heights.append(render_heights(mesh, T))
+            images[i] = render(mesh, T, camera)
             rows.append(line)
         images.flush()
+        if heights:
+            np.save(OUT / f"{split}_heights.npy", np.stack(heights))
         write_parquet(OUT / f"{split}.parquet", pd.DataFrame(rows))
 
 

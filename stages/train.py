@@ -1,12 +1,13 @@
-"""Train a network to predict the grasp function from a depth image (paper V)."""
+"""Train a network to predict the grasp function (paper V)."""
 
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from graspfn.imaging.camera import Intrinsics
-from graspfn.learning.dataset import GraspSamples
+from graspfn.imaging.camera import Camera
+from graspfn.learning.dataset import Samples, inputs_of
+from graspfn.learning.targets import GraspTargets
 from graspfn.learning.training import resources, train
 from graspfn.learning.weights import load_network, save_network
 from graspfn.params import Declared
@@ -29,9 +30,8 @@ def main(params: Declared) -> None:
     for row, name in enumerate(ids):
         if name in place:
             successes[row] = labels["successes"][place[name]]
-    images = np.load(IMAGES / "train.npy", mmap_mode="r")
-    camera = Intrinsics.from_params(params.camera)
-    samples = GraspSamples(images, successes, int(labels["attempts"]), table, camera, params.noise)
+    inputs = inputs_of(params.network.input, IMAGES, table, Camera.from_params(params.camera), params.noise)
+    samples = Samples(table, inputs, GraspTargets(successes, int(labels["attempts"]), table))
     run, seed = "-".join(params.items), params.seed + int(params.items[1])
     network = load_network(PRETRAINED / run)
     scratch = resources(params.compute, f"train-{run}")

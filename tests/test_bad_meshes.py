@@ -14,7 +14,7 @@ import trimesh
 from physics_params import ATTEMPT, GRIPPER, PARAMS, PHYSICS, SETTLE
 
 from graspfn.geometry import grid
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.imaging.render import render_depth
 from graspfn.meshes.errors import RejectedMeshError
 from graspfn.meshes.placed import RESTING, Resting
@@ -37,7 +37,7 @@ STARTS = (
     lambda: trimesh.util.concatenate([trimesh.creation.box(), trimesh.creation.icosphere(2, 0.6)]),
     lambda: trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], process=False),
 )
-CAMERA = Intrinsics.from_params(PARAMS.camera)
+CAMERA = Camera.from_params(PARAMS.camera)
 
 
 def dropped(rng, vertices, faces):

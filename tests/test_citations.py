@@ -43,6 +43,7 @@ STAGES = {
     "train": {"V"},
     "predict": {"V", "VII-A"},
     "evaluate": {"VII-A"},
+    "disturb": set(),
     "record_robot": {"VII-B"},
     "analyse_robot": {"VII-B"},
     "report": set(),
@@ -59,7 +60,9 @@ BESIDES = {
     ("src/graspfn/geometry/grid.py", "IV-C"): "attempts are drawn in the cells of Q",
     ("src/graspfn/imaging/placement.py", "VII"): "training images are shifted so that the object stays in view",
     ("src/graspfn/imaging/placement.py", "VII-A"): "test objects are placed so",
-    ("src/graspfn/learning/dataset.py", "IV-B"): "the noise of eq. 2 is drawn as samples are made",
+    ("src/graspfn/learning/depth_inputs.py", "IV-B"): "the noise of eq. 2 is drawn as samples are made",
+    ("src/graspfn/learning/height_inputs.py", "IV-B"): "its jitter is drawn as samples are made",
+    ("src/graspfn/learning/sensor.py", "IV-B"): "and so is its error of depth, with all else that cameras do",
     ("src/graspfn/planning/methods.py", "V"): "the network's likeliest class is a score to plan by",
     ("src/graspfn/evaluation/planner.py", "V"): "the network's likeliest class is a score to plan by",
     ("src/graspfn/evaluation/expected.py", "IV-C"): "it rests on the attempts of labels",
@@ -82,6 +85,7 @@ KEYS = {
     "train": {"V"},
     "plan": {"VI"},
     "evaluate": {"VII-A"},
+    "disturb": set(),
     "robot": {"VII-B"},
 }
 # The rows of docs/deviations.md.

@@ -13,7 +13,8 @@ from graspfn.evaluation.bench import Scene
 from graspfn.evaluation.planner import GraspFunction, Planner
 from graspfn.evaluation.trials import NO_GRASP, trials_of_object
 from graspfn.geometry import grid
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
+from graspfn.imaging.height_map import height_map
 from graspfn.params import Plan
 from graspfn.physics.attempt import Outcome, Result
 from graspfn.planning.smoothing import PlanningError
@@ -27,11 +28,11 @@ from graspfn.robot.simulated import Seen, file_name
 from graspfn.robot.trial import METADATA, RecordingError
 from graspfn.workflow.files import write_parquet
 
-CAMERA = Intrinsics(640, 480, 570.0)
+CAMERA = Camera.of_the_paper(640, 480, 570.0)
 PLAN = Plan(fine_uv=1, fine_theta=1)
 EMPTY = np.full((480, 640), CAMERA.table_depth, np.float32)
 CELLS = [(5.0, 10.0), (20.0, 10.0)]
-PLANNER, SCENE = Planner(PLAN, CAMERA, 0), Scene("a", EMPTY, np.zeros(2), 0.0)
+PLANNER, SCENE = Planner(PLAN, 0), Scene("a", height_map(EMPTY, CAMERA), np.zeros(2), 0.0)
 POSES = ["u_m", "v_m", "theta_rad", "reached_u_m", "reached_v_m", "reached_theta_rad"]
 
 

@@ -18,10 +18,11 @@ from graspfn.evaluation.planner import TRUE, UNTRAINED, GraspFunction, Planner, 
 from graspfn.evaluation.trials import trials_of_object
 from graspfn.geometry import grid
 from graspfn.geometry.transforms import T_world_scene, move_pose, translation, unmove_pose
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
+from graspfn.imaging.height_map import HeightMap, height_map
 from graspfn.imaging.render import render_depth
 from graspfn.imaging.warp import sample_function
-from graspfn.learning.dataset import CLASSES
+from graspfn.learning.targets import CLASSES
 from graspfn.meshes.placed import Resting
 from graspfn.params import Plan
 from graspfn.physics.attempt import Outcome, Result
@@ -30,7 +31,7 @@ from graspfn.planning.centroid import centroid_grasp
 from graspfn.planning.methods import BEST, LIKELIEST, METHODS, ROBUST
 from graspfn.planning.uncertainty import PoseUncertainty
 
-SMALL, CAMERA = Intrinsics(48, 36, 570.0), Intrinsics(640, 480, 570.0)
+CAMERA = Camera.of_the_paper(640, 480, 570.0)
 SHIFT, THETA = np.array([0.03, -0.02]), 0.6
 COARSE = Plan(1, 1)
 CELLS = [(5.0, 10.0), (12.5, 10.0), (5.0, 40.0)]
@@ -38,11 +39,11 @@ ERRORS = np.random.default_rng(9).standard_normal((2, 3))
 REACHED = ["reached_u_m", "reached_v_m", "reached_theta_rad"]
 
 
-def brick() -> np.ndarray:
-    """Depth image (36, 48) of something off the middle, longer than wide."""
-    depth = np.full((SMALL.height, SMALL.width), SMALL.table_depth)
-    depth[10:18, 16:40] -= 0.03
-    return depth
+def brick() -> HeightMap:
+    """Something off the middle, longer than wide."""
+    heights = np.zeros((132, 176), np.float32)
+    heights[30:48, 60:110] = 0.03
+    return HeightMap(heights, np.ones_like(heights, dtype=bool))
 
 
 def peaked(*peaks: tuple[int, int, int]) -> np.ndarray:
@@ -75,7 +76,7 @@ def trials(bench=None, functions=None, cells=CELLS, errors=ERRORS, attempts=None
     default = networks(alexnet=peaked((10, 20, 2)), fcn=peaked((25, 30, 5)))
     functions = default if functions is None else functions
     bench = Recorder() if bench is None else bench
-    return pd.DataFrame(trials_of_object(scene(), bench, Planner(COARSE, SMALL, 0), functions, cells, errors, attempts))
+    return pd.DataFrame(trials_of_object(scene(), bench, Planner(COARSE, 0), functions, cells, errors, attempts))
 
 
 def errors(rows: pd.DataFrame) -> np.ndarray:
@@ -144,7 +145,7 @@ def test_every_method_is_sent_where_it_plans():
     f = networks(alexnet=peaked((10, 20, 2)), fcn=peaked((25, 30, 5)))
     rows = trials(functions=f, cells=[(0.01, 0.01)], errors=ERRORS[:1]).set_index(["method", "network"])
     rows = rows[["u_m", "v_m", "theta_rad"]]
-    np.testing.assert_array_equal(rows.loc[("Centroid", "")], centroid_grasp(brick(), SMALL))
+    np.testing.assert_array_equal(rows.loc[("Centroid", "")], centroid_grasp(brick()))
     for method in (BEST, ROBUST):
         np.testing.assert_allclose(rows.loc[(method, "alexnet")], grid.from_index([10, 20, 2]), atol=1e-12)
         np.testing.assert_allclose(rows.loc[(method, "fcn")], grid.from_index([25, 30, 5]), atol=1e-12)
@@ -215,7 +216,7 @@ def test_robust_planning_gives_a_pose_up_when_errors_cost_it_its_lead(axis, part
         cells = (1 - np.sqrt(0.8)) / np.sqrt(2 / np.pi)
         sigma = PoseUncertainty.of(part * cells * 10, 1e-3)
     f[20:31, 20:40, :] = 0.8
-    (plans,) = Planner(COARSE, SMALL, 0).plans(scene(), networks(fcn=f), [sigma])
+    (plans,) = Planner(COARSE, 0).plans(scene(), networks(fcn=f), [sigma])
     (q,) = (planned.q for planned in plans if planned.method == ROBUST)
     assert (q[0] < 0) == kept
     (best,) = (planned.q for planned in plans if planned.method == BEST)
@@ -226,7 +227,7 @@ def poses(
     name="cup", seed=0, cells=CELLS, **functions
 ) -> dict[tuple[tuple[float, float], str, str], tuple[float, ...]]:
     uncertainties = [PoseUncertainty.of(*cell) for cell in cells]
-    plans = Planner(COARSE, SMALL, seed).plans(scene(name), networks(**functions), uncertainties)
+    plans = Planner(COARSE, seed).plans(scene(name), networks(**functions), uncertainties)
     return {
         (cell, p.method, p.network): tuple(p.q) for cell, planned in zip(cells, plans, strict=True) for p in planned
     }
@@ -256,11 +257,12 @@ def test_a_bench_grasps_a_moved_object_where_the_camera_sees_it():
     box = trimesh.creation.box([0.11, 0.04, 0.05])
     resting = Resting(box, box, translation(0, 0, 0.025))
     shift, theta = np.array([0.08, -0.05]), 1.1
-    seen = Scene("box", render_depth(box, T_world_scene(shift, theta) @ resting.T_world_object, CAMERA), shift, theta)
+    depth = render_depth(box, T_world_scene(shift, theta) @ resting.T_world_object, CAMERA)
+    seen = Scene("box", height_map(depth, CAMERA), shift, theta)
     bench = Bench(resting, Rig(PHYSICS, GRIPPER, ATTEMPT), seen)
     good = np.round(grid.to_index(move_pose(np.array([0, 0, np.pi / 2]), shift, theta))).astype(int)
     f = networks(good=peaked(tuple(good)), poor=peaked((25, 5, 0)))
-    rows = trials_of_object(seen, bench, Planner(COARSE, CAMERA, 0), f, [(0.1, 0.1)], ERRORS[:1], None)
+    rows = trials_of_object(seen, bench, Planner(COARSE, 0), f, [(0.1, 0.1)], ERRORS[:1], None)
     outcomes = {(row.method, row.network): (row.success, row.outcome) for row in rows}
     assert outcomes == {
         ("Centroid", ""): (True, "held"),

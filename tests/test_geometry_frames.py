@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy import stats
 
 from graspfn.geometry import grid
 from graspfn.geometry.transforms import T_world_grasp, T_world_scene, apply, move_pose, unmove_pose
-from graspfn.imaging.camera import Intrinsics
-from graspfn.params import Camera
+from graspfn.imaging.camera import Camera
+from graspfn.params import read_yaml, validate
 
-CAMERA = Intrinsics(640, 480, 570.0)
+ROOT = Path(__file__).parents[1]
+CAMERA = Camera.of_the_paper(640, 480, 570.0)
 
 
 def random_poses(n: int) -> np.ndarray:
@@ -59,7 +62,9 @@ def test_the_difference_of_two_jaw_directions_is_the_smallest():
 
 
 def test_the_camera_is_the_one_of_the_parameters():
-    assert Intrinsics.from_params(Camera(width_px=640, height_px=480, focal_px=570.0, renderer="rays")) == CAMERA
+    camera = Camera.from_params(validate(read_yaml(ROOT / "params.yaml")).camera)
+    assert (camera.width, camera.height, camera.K, camera.distortion) == (640, 480, CAMERA.K, ())
+    np.testing.assert_allclose(camera.T_world_camera, CAMERA.T_world_camera, atol=1e-15)
 
 
 def test_14_pixels_of_the_table_are_10_mm_and_its_middle_is_the_images():

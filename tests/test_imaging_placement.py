@@ -5,12 +5,12 @@ import pytest
 import trimesh
 
 from graspfn.geometry.transforms import T_world_scene, translation
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.imaging.placement import FlatObject, random_placement, random_placements, shift_range, visible_hull
 from graspfn.imaging.render import render_depth
 from graspfn.imaging.warp import move_image
 
-CAMERA = Intrinsics(640, 480, 570.0)
+CAMERA = Camera.of_the_paper(640, 480, 570.0)
 TABLE = CAMERA.table_depth
 OBJECTS = {
     "plate": (trimesh.creation.cylinder(0.06, 0.004), translation(0, 0, 0.002)),
@@ -41,7 +41,7 @@ def test_placed_objects_stay_in_view(rng, name):
     """As the camera sees them, and as an augmented image shows them. The border itself may just be touched."""
     mesh, T = OBJECTS[name]
     centred = render_depth(mesh, T, CAMERA)
-    wide = Intrinsics(1280, 960, 570.0)
+    wide = Camera.of_the_paper(1280, 960, 570.0)
     for shift, theta in zip(*random_placements(centred, CAMERA, rng, 6), strict=True):
         T_moved = T_world_scene(shift, theta) @ T
         outside = visible(render_depth(mesh, T_moved, wide)) - visible(render_depth(mesh, T_moved, CAMERA))
@@ -70,7 +70,7 @@ def test_hull_decides_as_all_points_do(rng):
     hull = visible_hull(depth, CAMERA)
     rows, columns = np.nonzero(depth < TABLE - 0.0005)
     z = depth[rows, columns].astype(float)
-    everything = np.column_stack([(np.column_stack([columns, rows]) - CAMERA.centre) * z[:, None] / CAMERA.focal, z])
+    everything = np.column_stack([(np.column_stack([columns, rows]) - CAMERA.centre) * z[:, None] / CAMERA.K[0], z])
     assert len(hull) < len(everything) / 5
     theta = rng.uniform(0, 2 * np.pi, 20)
     assert np.allclose(shift_range(hull, theta, CAMERA), shift_range(everything, theta, CAMERA), atol=1e-6)

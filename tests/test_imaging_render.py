@@ -7,13 +7,12 @@ from trimesh.transformations import random_rotation_matrix
 
 from graspfn.geometry.transforms import T_world_scene, rotation_z, translation
 from graspfn.imaging import opengl
-from graspfn.imaging.camera import Intrinsics
-from graspfn.imaging.holes import NEAR_M
+from graspfn.imaging.camera import NEAR_M, Camera
 from graspfn.imaging.opengl import OpenGLError, render_depth_opengl
 from graspfn.imaging.render import render_depth
 from graspfn.imaging.warp import move_image
 
-CAMERA = Intrinsics(640, 480, 570.0)
+CAMERA = Camera.of_the_paper(640, 480, 570.0)
 TABLE = CAMERA.table_depth
 
 
@@ -33,7 +32,7 @@ def test_empty_table_where_the_object_is_out_of_view():
 def test_box_covers_the_pixels_and_depths_of_a_pinhole():
     depth = render_depth(trimesh.creation.box((0.08, 0.04, 0.06)), translation(0, 0, 0.03), CAMERA)
     top = TABLE - 0.06
-    half = CAMERA.focal * np.array([0.04, 0.02]) / top
+    half = CAMERA.K[0] * np.array([0.04, 0.02]) / top
     rows, columns = np.mgrid[:480, :640]
     inside = (abs(columns - 319.5) < half[0]) & (abs(rows - 239.5) < half[1])
     assert np.allclose(depth[inside], top, atol=1e-6)
@@ -87,7 +86,7 @@ def test_below_the_table_is_not_seen():
 
 
 def test_camera_scale_follows_the_focal_length():
-    near = Intrinsics(640, 480, 300.0)
+    near = Camera.of_the_paper(640, 480, 300.0)
     depth = render_depth(trimesh.creation.box((0.1, 0.1, 0.001)), translation(0, 0, 0.0005), near)
     assert (depth < near.table_depth - 0.0005).sum() == pytest.approx(140 * 140, rel=0.02)  # 14 px are 10 mm
 

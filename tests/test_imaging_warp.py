@@ -6,10 +6,10 @@ from scipy import ndimage
 
 from graspfn.geometry.grid import CELL_M, CELL_PX, CELL_RAD, SHAPE, poses
 from graspfn.geometry.transforms import T_world_scene, apply, move_pose
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.imaging.warp import move_function, move_image, sample_function
 
-CAMERA = Intrinsics(640, 480, 570.0)
+CAMERA = Camera.of_the_paper(640, 480, 570.0)
 STILL = np.zeros(2)
 
 

@@ -1,5 +1,6 @@
 """Both architectures: shapes, what a cell sees, saving, predicting."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -34,6 +35,14 @@ def test_logits_for_every_pose_and_class(params, inputs):
     assert network(x).shape == (3, 33, 44, 6, 6)
     assert network.features(x).shape == (3, network.n_features)
     assert Classifier(network, 5)(x).shape == (3, 5)
+
+
+def test_a_height_map_has_two_channels_and_both_are_used(params):
+    network = build_network(dataclasses.replace(params, input="height_map"))
+    x = torch.rand(2, 2, 132, 176, requires_grad=True)
+    network(x).square().sum().backward()
+    assert (x.grad.abs().sum(dim=(0, 2, 3)) > 0).all()
+    assert predict(network, x.detach().numpy()).shape == (2, 33, 44, 6)
 
 
 def test_weights_come_from_the_seed_alone(params):

@@ -4,15 +4,17 @@ import numpy as np
 import pytest
 import torch
 
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.learning.augmentation import augmentation_table
-from graspfn.learning.dataset import ClassSamples
+from graspfn.learning.dataset import Samples
+from graspfn.learning.depth_inputs import DepthInputs
 from graspfn.learning.networks import build_network
 from graspfn.learning.pretraining import class_indices, pretrain
+from graspfn.learning.targets import ClassTargets
 from graspfn.learning.training import Resources
-from graspfn.params import AlexNet, Network, Noise, Pretrain
+from graspfn.params import AlexNet, Augment, Network, Noise, Pretrain
 
-CAMERA = Intrinsics(640, 480, 570.0)
+CAMERA = Camera.of_the_paper(640, 480, 570.0)
 PARAMS = {"alexnet": AlexNet("alexnet", 8, 3e-3, 1e-2, 16, 0.0), "fcn": Network("fcn", 4, 1e-2, 1e-2)}
 
 
@@ -26,9 +28,11 @@ def images():
 
 
 def run(params, images, classes, epochs, folder):
-    table = augmentation_table(images, [str(i) for i in range(len(images))], CAMERA, 8, seed=0)
+    maps = (CAMERA.table_depth - images)[:, 108:372, 144:496]  # heights do not matter to where it may go
+    table = augmentation_table(maps, [str(i) for i in range(len(images))], Augment(8, True, 0.0), seed=0)
     indices, names = class_indices(classes)
-    dataset = ClassSamples(images, indices, table, CAMERA, Noise(1.0, 1.5))
+    inputs = DepthInputs(images, table, CAMERA, Noise(1.0, 1.5))
+    dataset = Samples(table, inputs, ClassTargets(indices, table))
     network = build_network(params)
     resources = Resources(torch.device("cpu"), folder, 1e9, progress=False)
     return network, *pretrain(network, dataset, names, Pretrain(epochs, 8), params, 0, resources)

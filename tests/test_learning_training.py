@@ -9,23 +9,27 @@ import pytest
 import torch
 import trimesh
 from scipy import ndimage
-from torch.utils.data import Dataset
 
 from graspfn.geometry.transforms import translation
-from graspfn.imaging.camera import Intrinsics
-from graspfn.imaging.render import render_depth
+from graspfn.imaging.camera import Camera
+from graspfn.imaging.orthographic import render_heights
 from graspfn.learning.augmentation import augmentation_table
 from graspfn.learning.checkpoint import FILE
-from graspfn.learning.dataset import GraspSamples
+from graspfn.learning.dataset import Samples
 from graspfn.learning.device import pick_device
+from graspfn.learning.height_inputs import HeightInputs
 from graspfn.learning.networks import build_network
 from graspfn.learning.prediction import predict
+from graspfn.learning.sensor import View
+from graspfn.learning.targets import GraspTargets, split_classes
 from graspfn.learning.training import Descent, Resources, TrainingError, batches, fit, grasp_loss, train
-from graspfn.params import AlexNet, Network, Noise, Train
+from graspfn.params import AlexNet, Augment, Network, Noise, Train
 
-CAMERA = Intrinsics(640, 480, 570.0)
+CAMERA = Camera.of_the_paper(640, 480, 570.0)
 ALEXNET = AlexNet("alexnet", 2, 1e-3, 1e-2, 4, 0.3)
 FCN = Network("fcn", 4, 1e-2, 1e-2)
+SEES_HEIGHTS = Network("fcn", 4, 1e-2, 1e-2, input="height_map")
+BOXES = [trimesh.creation.box(size) for size in ((0.14, 0.03, 0.03), (0.10, 0.04, 0.05))]
 DESCENT = Descent("train", 0, 1.5, 4, 1e-2, 1e-2)
 
 
@@ -33,7 +37,7 @@ class Interrupted(Exception):
     """Stands for a killed process."""
 
 
-class Tiny(Dataset):
+class Tiny:
     """16 samples of noise; raises at the `stop`-th one that is asked for."""
 
     def __init__(self, stop=None):
@@ -42,13 +46,15 @@ class Tiny(Dataset):
     def __len__(self):
         return 16
 
-    def __getitem__(self, index):
-        self.asked += 1
-        if self.asked == self.stop:
+    def __getitems__(self, indices):
+        self.asked += len(indices)
+        if self.stop is not None and self.asked >= self.stop:
             raise Interrupted
-        rng = np.random.default_rng(index)
-        image = torch.from_numpy(rng.random((1, 132, 176), dtype=np.float32))
-        return image, torch.from_numpy(rng.integers(0, 6, (33, 44, 6), dtype=np.uint8))
+        rngs = [np.random.default_rng(index) for index in indices]
+        images = np.stack([rng.random((1, 132, 176), dtype=np.float32) for rng in rngs])
+        return tuple(
+            map(torch.from_numpy, (images, np.stack([rng.random((33, 44, 6), np.float32) * 5 for rng in rngs])))
+        )
 
     def digest(self):
         return "tiny"
@@ -143,15 +149,30 @@ def test_learning_rate_rises_to_its_peak_and_falls_towards_zero(steps):
 
 
 def test_loss_of_an_even_guess_is_the_entropy_of_six_classes():
-    classes = torch.randint(0, 6, (2, 33, 44, 6), dtype=torch.uint8)
-    assert grasp_loss(torch.zeros(2, 33, 44, 6, 6), classes).item() == pytest.approx(np.log(6))
-    right = torch.nn.functional.one_hot(classes.long(), 6) * 50.0
-    assert grasp_loss(right, classes).item() < 1e-6
+    scores = torch.rand(2, 33, 44, 6) * 5
+    assert grasp_loss(torch.zeros(2, 33, 44, 6, 6), scores).item() == pytest.approx(np.log(6))
+    certain = torch.randint(0, 6, (2, 33, 44, 6))
+    right = torch.nn.functional.one_hot(certain, 6) * 50.0
+    assert grasp_loss(right, certain.float()).item() < 1e-6
+
+
+def test_loss_is_least_where_the_expected_score_is_the_score():
+    """Cross-entropy is least at the target's own shares, whose expectation is the unrounded score."""
+    scores = torch.rand(1, 33, 44, 6) * 5
+    best = split_classes(scores).clamp(min=1e-12).log()
+    least = grasp_loss(best, scores)
+    assert torch.allclose(best.softmax(dim=-1) @ torch.arange(6.0), scores, atol=1e-4)
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        other = best + torch.from_numpy(rng.normal(0, 0.3, best.shape)).float()
+        assert grasp_loss(other, scores) > least
+    whole = torch.nn.functional.cross_entropy(best.reshape(-1, 6), split_classes(scores).reshape(-1, 6))
+    assert least.item() == pytest.approx(whole.item(), rel=1e-5)
 
 
 def test_a_loss_that_is_not_a_number_is_one_line(tmp_path):
-    def broken(logits, classes):
-        return grasp_loss(logits, classes) * float("nan")
+    def broken(logits, scores):
+        return grasp_loss(logits, scores) * float("nan")
 
     with pytest.raises(TrainingError, match=r"^network.learning_rate: at 0.01 the loss became nan in step 1 of 6; .*$"):
         fit(build_network(ALEXNET), broken, Tiny(), DESCENT, resources(tmp_path))
@@ -168,38 +189,26 @@ def test_unavailable_devices_are_one_line():
 @pytest.fixture(scope="module")
 def objects():
     """Two boxes, and the grasps that a jaw round their middles would make: a toy of the physics."""
-    boxes = [trimesh.creation.box(size) for size in ((0.14, 0.03, 0.03), (0.10, 0.04, 0.05))]
-    images = np.stack([render_depth(box, translation(0, 0, box.extents[2] / 2), CAMERA) for box in boxes])
+    maps = np.stack([render_heights(box, translation(0, 0, box.extents[2] / 2)) for box in BOXES])
     successes = np.zeros((2, 33, 44, 6), np.uint8)
     successes[:, 14:19, 18:26, 3] = 5  # across the long side
-    return images, successes
+    return maps, successes
 
 
 def test_learns_and_the_prediction_moves_with_the_object(objects, tmp_path):
     """After a hundred steps on two boxes, the best pose of a box in a new place lies across its middle."""
-    images, successes = objects
-    table = augmentation_table(images, ["a", "b"], CAMERA, 16, seed=0)
-    dataset = GraspSamples(images, successes, 5, table, CAMERA, Noise(1.0, 1.5))
-    prepared = [dataset[index] for index in range(len(dataset))]
-
-    class Prepared(Dataset):
-        def __len__(self):
-            return len(prepared)
-
-        def __getitem__(self, index):
-            return prepared[index]
-
-        digest = staticmethod(dataset.digest)
-        class_frequencies = staticmethod(dataset.class_frequencies)
-
-    network = build_network(FCN)
-    history = train(network, Prepared(), Train(25.0, 8), FCN, 0, resources(tmp_path))
+    maps, successes = objects
+    table = augmentation_table(maps, ["a", "b"], Augment(16, True, 0.05), seed=0)
+    inputs = HeightInputs(maps, table, View.of(CAMERA), Noise(1.0, 1.5))
+    dataset = Samples(table, inputs, GraspTargets(successes, 5, table))
+    network = build_network(SEES_HEIGHTS)
+    history = train(network, dataset, Train(25.0, 8), SEES_HEIGHTS, 0, resources(tmp_path))
     assert history["loss"][-10:].mean() < 0.5 * history["loss"][:10].mean()
-    unseen = augmentation_table(images, ["c", "d"], CAMERA, 4, seed=1)
-    clean = GraspSamples(images, successes, 5, unseen, CAMERA, Noise(0.0, 0.0))
-    scores = predict(network, np.stack([clean.image(index)[0].numpy() for index in range(8)]))
+    unseen = augmentation_table(maps, ["c", "d"], Augment(4, True, 0.0), seed=1)
+    clean = HeightInputs(maps, unseen, View.of(CAMERA), Noise(0.0, 0.0)).batch(list(range(8)))
+    labels = GraspTargets(successes, 5, unseen).batch(list(range(8)))
     hits = 0
-    for index, score in enumerate(scores):
-        good = ndimage.maximum_filter(clean.label(index).numpy() >= 2, (3, 3, 3), mode=("constant", "constant", "wrap"))
+    for score, label in zip(predict(network, clean.numpy()), labels.numpy(), strict=True):
+        good = ndimage.maximum_filter(label >= 2, (3, 3, 3), mode=("constant", "constant", "wrap"))
         hits += good[np.unravel_index(score.argmax(), score.shape)]
     assert hits >= 7

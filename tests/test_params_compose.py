@@ -28,6 +28,8 @@ COUNTS = {
     "meshes.test",
     "label.test",
     "evaluate.errors_per_object",
+    "disturb.objects",
+    "disturb.errors_per_object",
     "augment.samples",
     "pretrain.epochs",
     "train.epochs",
@@ -61,10 +63,10 @@ def test_committed_params_are_what_the_defaults_compose_to():
 
 
 def test_written_file_reads_back_as_composed(workplace):
-    result = CliRunner().invoke(app, ["params", "scale=smoke", "camera.focal_px=600.5", "topics.depth=/my depth"])
+    result = CliRunner().invoke(app, ["params", "scale=smoke", "camera.fx_px=600.5", "topics.depth=/my depth"])
     assert (result.exit_code, result.output) == (0, "")
     written = yaml.safe_load((workplace / "params.yaml").read_text())
-    assert written == composed("scale=smoke", "camera.focal_px=600.5", "topics.depth=/my depth")
+    assert written == composed("scale=smoke", "camera.fx_px=600.5", "topics.depth=/my depth")
     assert [path.name for path in workplace.iterdir() if path.name != "conf"] == ["params.yaml"]
 
 
@@ -229,10 +231,10 @@ def test_composing_leaves_hydra_as_it_was():
         ("~camera=carmine109", "~camera"),
         ("camera@lens=carmine109", "camera@lens"),
         ("colour=red", "colour: unknown key"),
-        ("camera.focal=570", "camera.focal: unknown key; camera takes width_px, height_px, focal_px, renderer"),
-        ("camera.focal_px.x=570", "camera.focal_px: takes float"),
-        ("camera.focal_px=wide", "camera.focal_px: takes float, not 'wide'"),
-        ("camera.focal_px=nan", "camera.focal_px: takes float"),
+        ("camera.focal=570", "camera.focal: unknown key; camera takes width_px, height_px, fx_px, "),
+        ("camera.fx_px.x=570", "camera.fx_px: takes float"),
+        ("camera.fx_px=wide", "camera.fx_px: takes float, not 'wide'"),
+        ("camera.fx_px=nan", "camera.fx_px: takes float"),
         ("meshes.train=1.5", "meshes.train: takes int, not 1.5"),
         ("meshes.train=true", "meshes.train: takes int, not True"),
         ("noise.sigma_p_px=-1", "noise.sigma_p_px: "),

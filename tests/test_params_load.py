@@ -96,11 +96,11 @@ def test_bounds_hold_at_their_edge(path, hint, rule):
 
 @pytest.mark.parametrize("number", [math.nan, True, "5", None, [5]])
 def test_a_number_is_a_number(number):
-    assert refused(changed(("camera", "focal_px"), number)).startswith("camera.focal_px: takes float")
+    assert refused(changed(("camera", "fx_px"), number)).startswith("camera.fx_px: takes float")
 
 
 def test_whole_numbers_are_floats_where_floats_are_taken():
-    focal = validate(changed(("camera", "focal_px"), 600)).camera.focal_px
+    focal = validate(changed(("camera", "fx_px"), 600)).camera.fx_px
     assert (focal, type(focal)) == (600.0, float)
 
 
@@ -111,7 +111,7 @@ def root(tmp_path):
     stages = {
         "settle": {"params": ["seed", "physics"]},
         "train": {"params": ["train", "network.${item.network}"]},
-        "nosy": {"params": ["camera.focal_px"]},
+        "nosy": {"params": ["camera.fx_px"]},
         "idle": {"cmd": "true"},
     }
     (tmp_path / "dvc.yaml").write_text(yaml.safe_dump({"stages": stages}))
@@ -147,7 +147,7 @@ def test_network_of_the_item_and_no_other(root):
 
 
 def test_parts_of_sections_are_not_declared(root):
-    with pytest.raises(ParameterError, match=r"^camera\.focal_px: stage nosy may declare whole sections"):
+    with pytest.raises(ParameterError, match=r"^camera\.fx_px: stage nosy may declare whole sections"):
         load("nosy", root=root)
 
 

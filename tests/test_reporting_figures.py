@@ -8,7 +8,7 @@ from made_trials import HELD, TRUE, account, name, simulated_trials
 
 from graspfn.evaluation.statistics import resampled_rate
 from graspfn.geometry import grid
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.meshes.placed import placed_row
 from graspfn.physics.attempt import Frame
 from graspfn.reporting import expectation, film, tables
@@ -31,7 +31,7 @@ from graspfn.reporting.figures.shading import TABLE, View, render_scene
 from graspfn.reporting.figures.style import pdf_bytes, png_bytes, show_depth, square, window_round
 from graspfn.reporting.plans import graspable_objects, of_method, plans_of
 
-CAMERA = Intrinsics(640, 480, 570.0)
+CAMERA = Camera.of_the_paper(640, 480, 570.0)
 RNG = np.random.default_rng(0)
 
 

@@ -15,11 +15,12 @@ import pandas as pd
 import pytest
 import trimesh
 import yaml
+from made_trials import disturbed_plans
 from test_robot_recording import write_trial
 
 from graspfn.evaluation.planner import TRUE
 from graspfn.geometry import grid
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.imaging.render import render_depth
 from graspfn.meshes.placed import T_world_object, placed_row, write_placed
 from graspfn.params import read_yaml, validate
@@ -28,6 +29,7 @@ from graspfn.reporting.figures import nearest, registry, shading
 from graspfn.reporting.inputs import example_label, load_inputs, spread
 from graspfn.reporting.page import Picture
 from graspfn.reporting.report import write_report, write_tables
+from graspfn.reporting.robustness import COLUMNS, robustness_table
 from graspfn.reporting.summary import results_sentence
 from graspfn.reporting.tables import Tables1
 from graspfn.robot.analyse import analyse
@@ -79,7 +81,7 @@ def write_split(data, split, camera):
 
 
 def write_data(data, params):
-    camera = Intrinsics.from_params(params.camera)
+    camera = Camera.from_params(params.camera)
     rejects = pd.DataFrame(
         [{"split": "train", "source": "made", "name": "sheet", "class": "", "reason": "flat: <1 mm"}]
     )
@@ -112,6 +114,7 @@ def write_data(data, params):
         for error in range(2)
     ]
     write_parquet(data / "trials.parquet", pd.DataFrame(rows))
+    write_parquet(data / "robustness.parquet", disturbed_plans(tested))
     (data / "recordings").mkdir()
     rng = np.random.default_rng(0)
     for i, (uv, theta) in enumerate(SIGMAS):
@@ -214,7 +217,7 @@ def test_every_figure_is_there_as_png_and_pdf(report, html):
         *("summary_1d", "grasp_function", "training_example", "predictions", "growing_uncertainty"),
         *("success_vs_sigma_uv", "training_curves", "label_outcomes", "noise", "inpainting", "example_grasps"),
         *("simulated_grasp", "films_held", "films_failed", "objects_made", "object_sizes", "nearest_pair"),
-        *("success_vs_width", "promise_against_fact", "expected_against_trials"),
+        *("success_vs_width", "promise_against_fact", "expected_against_trials", "robustness"),
     }
     files = {path.name for path in (report[0] / "figures").iterdir()}
     assert files == {f"{name}.{kind}" for name in names for kind in ("png", "pdf")}
@@ -223,7 +226,7 @@ def test_every_figure_is_there_as_png_and_pdf(report, html):
 
 def test_the_page_is_well_formed_and_needs_nothing_else(html, parsed):
     assert parsed.misplaced == [] and parsed.open == []
-    assert len(parsed.addresses) == 20
+    assert len(parsed.addresses) == 21
     assert all(address.startswith("data:image/png;base64,") for address in parsed.addresses)
     style = html.split("<style>")[1].split("</style>")[0]
     assert "url(" not in style and "@import" not in style and "<script" not in html
@@ -262,6 +265,18 @@ def test_csv_reads_back(report):
     dvc = yaml.safe_load((ROOT / "dvc.yaml").read_text())
     (plotted,) = (plot["y"]["reports/success_vs_sigma_uv.csv"] for part in dvc["plots"] for plot in part.values())
     assert ["sigma_uv_mm", *plotted] == list(series)
+
+
+def test_robustness_is_a_table_for_people_and_for_machines(report, parsed):
+    table = pd.read_csv(report[0] / "robustness.csv")
+    assert list(table) == COLUMNS and len(table) == 2 * 3 * 3 + 2
+    gone = table[(table["method"] == "Best Grasp") & (table["amount"] != 0) & ~table["table_fit"]]
+    assert (gone[["success", "expected", "stay_share"]] == 0).all(axis=None) and (gone["expected_change"] == -0.5).all()
+    kept = table[(table["network"] == "fcn") & table["table_fit"]]
+    assert (kept[["success", "expected", "stay_share", "highest_score"]] == [0.5, 0.5, 1, 0.1]).all(axis=None)
+    assert "For 4 of the 36 plans the image was refused" in (report[0] / "robustness.md").read_text()
+    text = " ".join("".join(parsed.text).split())
+    assert "offset +5 mm" in text and "Robustness (ours, not the paper's)" in text
 
 
 def test_the_nearest_pair_across_the_split_is_drawn(inputs, report, monkeypatch):
@@ -335,8 +350,8 @@ def test_recordings_without_a_grasp_reach_table_2_and_the_page(inputs, tmp_path)
     with_failures = load_inputs(data, inputs.params, {})
     assert all(len(grasp.commanded) == 3 for grasp in with_failures.recorded.grasps)
     tables1 = Tables1.of(with_failures.plans, with_failures.graspable)
-    layouts = write_tables(with_failures, tables1, tmp_path / "tables")
-    assert "In 4 of the 12 trials the method found no grasp, which is a failure." in layouts[-1].caption
+    layouts = write_tables(with_failures, tables1, robustness_table(with_failures.disturbed), tmp_path / "tables")
+    assert "In 4 of the 12 trials the method found no grasp, which is a failure." in layouts[2].caption
     table = pd.read_csv(tmp_path / "tables/table2.csv")
     assert table.loc[table["method"] == "Best Grasp (fcn)", "success"].eq(0).all()
     assert table["no_grasp"].sum() == 4

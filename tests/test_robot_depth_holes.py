@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.robot.depth_holes import BASELINE_M, hole_mask, projector_shadow
 
-CAMERA = Intrinsics(640, 480, 570.0)
+CAMERA = Camera.of_the_paper(640, 480, 570.0)
 
 
 def slab(height: float, columns: slice, rows: slice = slice(150, 330)) -> np.ndarray:
@@ -27,7 +27,7 @@ def test_a_raised_slab_casts_the_shadow_of_similar_triangles():
     assert not shadow[:150].any() and not shadow[330:].any()
     row = np.flatnonzero(shadow[200])
     z = CAMERA.table_depth
-    width = CAMERA.focal * BASELINE_M * (1 / (z - height) - 1 / z)
+    width = CAMERA.K[0] * BASELINE_M * (1 / (z - height) - 1 / z)
     assert row.max() == 279
     assert abs(len(row) - width) <= 1
 
@@ -39,12 +39,12 @@ def test_shadows_agree_with_rays_from_the_projector():
     depth = CAMERA.table_depth - np.tile(hill, (480, 1))
     shadow = projector_shadow(depth, CAMERA)[240]
     z = depth[240]
-    across = (x - CAMERA.centre[0]) / CAMERA.focal * z  # metres along the image's +x
+    across = (x - CAMERA.centre[0]) / CAMERA.K[0] * z  # metres along the image's +x
     lit = np.ones(640, dtype=bool)
     along = np.linspace(0.001, 0.999, 4000)
     for i in range(100, 600):
         ray_x, ray_z = across[i] + along * (BASELINE_M - across[i]), z[i] * (1 - along)
-        column = ray_x / ray_z * CAMERA.focal + CAMERA.centre[0]
+        column = ray_x / ray_z * CAMERA.K[0] + CAMERA.centre[0]
         inside = (column > i + 1) & (column < 639)
         lit[i] = not np.any(ray_z[inside] > np.interp(column[inside], x, z) + 1e-4)
     dark = ~lit[100:600]

@@ -46,6 +46,7 @@ def assert_same(a: TrialRecording, b: TrialRecording) -> None:
     """Everything but the depth image."""
     assert (a.condition, a.joint_names, a.success) == (b.condition, b.joint_names, b.success)
     np.testing.assert_array_equal(a.camera_matrix, b.camera_matrix)
+    assert a.distortion == b.distortion
     np.testing.assert_array_equal(a.joint_positions, b.joint_positions)
     np.testing.assert_allclose(a.joint_time_s, b.joint_time_s, atol=1e-9)
     for p, q in ((a.commanded, b.commanded), (a.achieved, b.achieved)):
@@ -86,6 +87,13 @@ def test_the_bytes_depend_on_the_trial_alone(tmp_path):
 def test_joint_series_of_different_lengths_are_refused():
     with pytest.raises(ValueError):
         trial_bytes(trial(joint_time_s=np.arange(3.0)), TOPICS, "16UC1")
+
+
+@pytest.mark.parametrize("count", [0, 5, 8])
+def test_the_lens_comes_back(tmp_path, count):
+    made = trial(distortion=tuple(0.1 * (i + 1) for i in range(count)))
+    write_trial(tmp_path / "a.mcap", made, TOPICS, "16UC1")
+    assert_same(made, read_trial(tmp_path / "a.mcap", TOPICS))
 
 
 def test_a_trial_without_joint_states(tmp_path):

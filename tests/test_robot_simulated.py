@@ -8,13 +8,13 @@ import pytest
 from graspfn.evaluation.bench import Scene
 from graspfn.evaluation.planner import Planned
 from graspfn.geometry.grid import angle_difference
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.params import Noise
 from graspfn.physics.attempt import Frame, Outcome, Result
 from graspfn.robot import simulated
 from graspfn.robot.simulated import Seen, file_name, record, see
 
-CAMERA = Intrinsics(640, 480, 570.0)
+CAMERA = Camera.of_the_paper(640, 480, 570.0)
 CELLS = [(6.2, 4.7), (20.0, 15.0)]
 OF_CELL = [
     Planned("Centroid", "", -1, np.array([0.02, 0.03, 0.1])),

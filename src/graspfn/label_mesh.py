@@ -13,8 +13,8 @@ from tqdm import tqdm
 
 from graspfn.formats.reading import read_mesh
 from graspfn.geometry import grid
-from graspfn.imaging.camera import Intrinsics
-from graspfn.imaging.render import renderer
+from graspfn.imaging.camera import Camera
+from graspfn.imaging.renderers import renderer
 from graspfn.meshes.errors import MeshError, RejectedMeshError, printable
 from graspfn.meshes.mass import mass_properties
 from graspfn.meshes.placed import RESTING, Resting
@@ -57,7 +57,7 @@ def label_mesh(path: Path, out: Path, params: Params, seed: int, size_cm: float 
     size_cm: the largest extent to scale the mesh to; None takes its unit for metres. MeshError says what is wrong.
     """
     rig = Rig(params.physics, params.gripper, params.attempt)
-    camera, attempts = Intrinsics.from_params(params.camera), params.label.attempts
+    camera, attempts = Camera.from_params(params.camera), params.label.attempts
     resting, depth, about = _apart(_resting, path, params, seed, size_cm, camera)
     GraspWorld(resting, rig.physics, rig.gripper)  # a gripper that cannot be shows here
     try:  # before the long part, so that a folder that cannot be written shows here
@@ -102,7 +102,7 @@ def _apart(function: Callable[..., Any], path: Path, *arguments: Any) -> Any:
 
 
 def _resting(
-    path: Path, params: Params, seed: int, size_cm: float | None, camera: Intrinsics
+    path: Path, params: Params, seed: int, size_cm: float | None, camera: Camera
 ) -> tuple[Resting, np.ndarray, dict[str, Any]]:
     """The mesh cleaned as the selection cleans, at its size, where it came to rest; its depth image; what to say of it.
 

@@ -12,7 +12,7 @@ import re
 import types
 import typing
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -83,20 +83,68 @@ class Meshes:
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole looking straight down at the table (paper III); its height follows from px_per_cell = 10 mm."""
+    """A depth camera and where it stands. The paper's looks straight down, 14 px spanning 10 mm (III)."""
 
-    width_px: Annotated[int, Key("image width, px", at_least=616)]
-    height_px: Annotated[int, Key("image height, px", at_least=462)]
-    focal_px: Annotated[float, Key("focal length, px", above=0)]
+    width_px: Annotated[int, Key("image width, px", at_least=16)]
+    height_px: Annotated[int, Key("image height, px", at_least=16)]
+    fx_px: Annotated[float, Key("focal length along the image's rows, px", above=0)]
+    fy_px: Annotated[float, Key("focal length along its columns, px", above=0)]
+    cx_px: Annotated[float, Key("principal point, px from the centre of the leftmost pixel")]
+    cy_px: Annotated[float, Key("principal point, px from the centre of the uppermost pixel")]
+    distortion: Annotated[
+        tuple[float, ...] | None, Key("of the lens, as OpenCV orders it: k1 k2 p1 p2 [k3 [k4 k5 k6]]; null: none")
+    ]
+    height_mm: Annotated[float, Key("lens above the middle of Q, mm, looking straight down", above=0)]
+    pose: Annotated[
+        tuple[float, ...] | None,
+        Key("T_world_camera instead, 4 x 4 numbers row by row, m; null: as height_mm says"),
+    ]
     renderer: Annotated[str, Key("depth renderer", one_of=("embree", "opengl"))]
 
 
 @dataclass(frozen=True)
+class Table:
+    """The table's plane, found in every depth image that becomes a height map."""
+
+    fit: Annotated[bool, Key("find the plane in the image; false: believe the camera's height and pose")]
+    max_tilt_deg: Annotated[float, Key("refuse a camera further from straight down, degrees", above=0, at_most=90)]
+    min_inliers: Annotated[float, Key("refuse where less of what is measured is table, share", above=0, at_most=1)]
+    max_rms_mm: Annotated[float, Key("refuse a table rougher or an image noisier than this, mm rms", above=0)]
+    max_offset_mm: Annotated[float, Key("refuse a table further from where the camera's pose has it, mm", above=0)]
+
+
+@dataclass(frozen=True)
 class Noise:
-    """Depth noise of the paper's eq. 2 (IV-B)."""
+    """Depth noise of the paper's eq. 2 (IV-B), then what else networks with input: height_map are trained against."""
 
     sigma_p_px: Annotated[float, Key("std of pixel localisation, px", at_least=0)]
     sigma_d_mm: Annotated[float, Key("std of the depth measurement, mm", at_least=0)]
+    # Of what follows each training sample draws its own amount; docs/training.md has their sources.
+    camera_tilt_deg: Annotated[
+        float, Key("most tilt of the camera, which looks at the middle of Q", at_least=0, at_most=45)
+    ] = 0.0
+    camera_height_mm: Annotated[
+        float, Key("most change of the camera's distance, mm, either way", at_least=0, at_most=200)
+    ] = 0.0
+    baseline_mm: Annotated[
+        float, Key("most distance of the projector or second camera, behind whose shadows no depth is, mm", at_least=0)
+    ] = 0.0
+    table_offset_mm: Annotated[float, Key("std of the table's height left over after its fit, mm", at_least=0)] = 0.0
+    table_tilt_deg: Annotated[float, Key("std of the table's slope left over after its fit, degrees", at_least=0)] = 0.0
+    wave_mm: Annotated[float, Key("most rms of slow errors of depth, of wavelengths 3 to 20 cm, mm", at_least=0)] = 0.0
+    scale: Annotated[float, Key("most relative error of heights, either way", at_least=0, at_most=0.5)] = 0.0
+    step_mm: Annotated[float, Key("most step between the depths that the camera tells apart, mm", at_least=0)] = 0.0
+    holes: Annotated[float, Key("most share of cells without depth, in blobs and speckle", at_least=0, at_most=0.9)] = (
+        0.0
+    )
+    edges: Annotated[
+        float,
+        Key("most share of cells at depth edges that lie between both sides or are unseen", at_least=0, at_most=1),
+    ] = 0.0
+    specks: Annotated[float, Key("most share of cells with a height of chance, up to 10 cm", at_least=0, at_most=1)] = (
+        0.0
+    )
+    clutter: Annotated[float, Key("share of samples with something else at the border", at_least=0, at_most=1)] = 0.0
 
 
 @dataclass(frozen=True)
@@ -183,9 +231,11 @@ class Label:
 
 @dataclass(frozen=True)
 class Augment:
-    """Random shifts and rotations of each training image (paper VII)."""
+    """Random shifts, rotations and reflections of each training image (paper VII)."""
 
     samples: Annotated[int, Key("augmented samples per training image", at_least=1)]
+    mirror: Annotated[bool, Key("every other sample is seen in a mirror, in which the gripper is the same")]
+    empty: Annotated[float, Key("share of samples without the object: every grasp fails", at_least=0, at_most=0.9)]
 
 
 @dataclass(frozen=True)
@@ -196,6 +246,12 @@ class Network:
     width: Annotated[int, Key("channels of the first convolution; deeper ones scale with it", at_least=1)]
     learning_rate: Annotated[float, Key("peak learning rate of AdamW", above=0)]
     weight_decay: Annotated[float, Key("weight decay of AdamW", at_least=0)]
+    input: Annotated[str, Key("what it sees", one_of=("depth", "height_map"))] = field(default="depth", kw_only=True)
+
+    @property
+    def channels(self) -> int:
+        """Of the input (B, channels, 132, 176): heights, and of a height map also where there are any."""
+        return 2 if self.input == "height_map" else 1
 
 
 @dataclass(frozen=True)
@@ -238,6 +294,27 @@ class Evaluate:
     sigma_theta_deg: Annotated[tuple[float, ...], Key("std of the reached angle, degrees", at_least=0)]
     errors_per_object: Annotated[int, Key("errors drawn for each object: trials of a method in a cell", at_least=1)]
     max_failed: Annotated[float, Key("fraction of objects that may fail before the stage does", at_least=0, at_most=1)]
+
+
+@dataclass(frozen=True)
+class Disturb:
+    """Disturbed depth images of the test objects, planned on with and without the fit of the table: robustness."""
+
+    objects: Annotated[int, Key("test objects on which plans are tried in simulation; all are planned on", at_least=1)]
+    errors_per_object: Annotated[int, Key("errors drawn for each of them: trials of a plan", at_least=1)]
+    sigma_uv_mm: Annotated[float, Key("std of the reached position, mm", above=0)]
+    sigma_theta_deg: Annotated[float, Key("std of the reached angle, degrees", above=0)]
+    offset_mm: Annotated[tuple[float, ...], Key("camera higher than it is believed to be, mm", at_least=-100)]
+    tilt_deg: Annotated[tuple[float, ...], Key("camera looks elsewhere than is believed, degrees", at_most=60)]
+    wave_mm: Annotated[tuple[float, ...], Key("slow errors of depth, of wavelengths 3 to 20 cm, mm rms", at_least=0)]
+    scale_percent: Annotated[tuple[float, ...], Key("depths too large, %", above=-50, at_most=50)]
+    holes_percent: Annotated[
+        tuple[float, ...], Key("pixels without depth, in blobs and speckle, %", at_least=0, at_most=95)
+    ]
+    step_mm: Annotated[tuple[float, ...], Key("step between the depths that are told apart, mm", at_least=0)]
+    height_mm: Annotated[tuple[float, ...], Key("camera higher, as is known, mm", at_least=-200)]
+    cameras: Annotated[tuple[str, ...], Key("files of conf/camera: other cameras, with their noise")]
+    max_failed: Annotated[float, Key("fraction of scenes that may fail before the stage does", at_least=0, at_most=1)]
 
 
 @dataclass(frozen=True)
@@ -285,6 +362,7 @@ class Params:
     scale: Annotated[str, Key("name of the scale, for reports")]
     meshes: Meshes
     camera: Camera
+    table: Table
     noise: Noise
     gripper: Gripper
     physics: Physics
@@ -301,6 +379,7 @@ class Params:
     train: Train
     plan: Plan
     evaluate: Evaluate
+    disturb: Disturb
     robot: Robot
     topics: Topics
     compute: Compute
@@ -383,6 +462,7 @@ def validate(values: Any) -> Params:
         if "://" in folder:
             raise ParameterError(f"{key}: {folder!r} is a URL; it takes a path on this machine")
     _check_fingers(params.gripper, params)
+    _check_camera(params.camera, "camera")
     looks = LOOK_MS / params.physics.time_step_ms
     if abs(looks - round(looks)) > 1e-9:
         raise ParameterError(f"physics.time_step_ms: takes a step that goes into {LOOK_MS} ms without rest")
@@ -394,6 +474,36 @@ def validate(values: Any) -> Params:
     if len(params.robot.sigma_uv_mm) != len(params.robot.sigma_theta_deg):
         raise ParameterError("robot.sigma_theta_deg: takes as many values as robot.sigma_uv_mm")
     return params
+
+
+def read_camera(path: Path, noise: Noise) -> tuple[Camera, Noise]:
+    """A camera of conf/camera with the noise that it brings, over that of the parameters."""
+    values = read_yaml(path)
+    if not isinstance(values, dict) or "camera" not in values:
+        raise ParameterError(f"{path}: takes a mapping with the key camera")
+    camera = build(Camera, values["camera"], f"{path}: camera")
+    _check_camera(camera, f"{path}: camera")
+    return camera, build(Noise, dataclasses.asdict(noise) | values.get("noise", {}), f"{path}: noise")
+
+
+def _check_camera(camera: Camera, key: str) -> None:
+    if len(camera.distortion or (0,) * 4) not in (4, 5, 8):
+        raise ParameterError(f"{key}.distortion: takes 4, 5 or 8 numbers: k1, k2, p1, p2, then k3, then k4, k5, k6")
+    if camera.pose is not None:
+        _check_pose(camera.pose, f"{key}.pose")
+
+
+def _check_pose(pose: tuple[float, ...], key: str) -> None:
+    """The pose of a camera must be a pose, and the camera over the table."""
+    if len(pose) != 16:
+        raise ParameterError(f"{key}: has {len(pose)} numbers; it takes the 16 of T_world_camera, row by row")
+    x, y, z, lens = (pose[i:12:4] for i in range(4))
+    cross = [x[i - 2] * y[i - 1] - x[i - 1] * y[i - 2] for i in range(3)]
+    lengths = (math.hypot(*axis) for axis in (x, y, z))
+    if math.dist(cross, z) > 1e-4 or math.dist(tuple(lengths), (1, 1, 1)) > 1e-4 or pose[12:] != (0, 0, 0, 1):
+        raise ParameterError(f"{key}: no rotation and translation; it takes T_world_camera, row by row")
+    if lens[2] <= 0 or z[2] >= 0:
+        raise ParameterError(f"{key}: takes a camera that looks down (z axis) from over the table (z above 0)")
 
 
 def _check_fingers(gripper: Gripper, params: Params) -> None:

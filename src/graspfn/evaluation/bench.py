@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from graspfn.geometry.transforms import move_pose, unmove_pose
+from graspfn.imaging.height_map import HeightMap
 from graspfn.meshes.placed import Resting
 from graspfn.physics.attempt import Grasper, Result
 from graspfn.physics.world import Rig
@@ -16,11 +17,11 @@ from graspfn.physics.world import Rig
 class Scene:
     """One object at one placement: turned by theta from where it was settled and labelled, then shifted by (u, v).
 
-    depth: (480, 640), metres, as the camera gives it, holes filled; shift_uv: (2,) metres; theta: radians.
+    seen: what the camera shows of it; shift_uv: (2,) metres; theta: radians.
     """
 
     name: str
-    depth: np.ndarray
+    seen: HeightMap
     shift_uv: np.ndarray
     theta: float
 

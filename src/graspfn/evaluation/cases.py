@@ -15,10 +15,11 @@ from graspfn.evaluation.expected import Attempts
 from graspfn.evaluation.planner import TRUE, UNTRAINED, GraspFunction, Planner
 from graspfn.evaluation.trials import Trial, trials_of_object
 from graspfn.geometry.grid import sample_cells
-from graspfn.imaging.holes import fill_holes
+from graspfn.imaging.camera import Camera
+from graspfn.imaging.height_map import see_heights
 from graspfn.imaging.noise import observe
 from graspfn.meshes.placed import Resting, load_resting, resting_rows
-from graspfn.params import Noise
+from graspfn.params import Noise, Table
 from graspfn.physics.labelling import held
 from graspfn.physics.world import Rig
 from graspfn.seeds import generator
@@ -33,6 +34,8 @@ class Protocol:
 
     rig: Rig
     planner: Planner
+    camera: Camera
+    table: Table
     noise: Noise
     cells: tuple[tuple[float, float], ...]
     errors: int
@@ -69,8 +72,8 @@ class Cases:
     def task(self, name: str) -> tuple[Any, ...]:
         """Arguments of `try_object`."""
         p, line = self.protocol, self._index.loc[name].to_dict()
-        depth = fill_holes(observe(self._images[line["row"]], p.noise, p.seed, name), p.planner.intrinsics)
-        scene = Scene(name, depth, np.array([line["shift_u_m"], line["shift_v_m"]]), float(line["theta_rad"]))
+        seen = see_heights(observe(self._images[line["row"]], p.noise, p.seed, name), p.camera, p.table)
+        scene = Scene(name, seen, np.array([line["shift_u_m"], line["shift_v_m"]]), float(line["theta_rad"]))
         resting = load_resting(self._meshes, self._collisions, self._placed[name])
         return scene, resting, p, self._functions(name, line["row"]), *self._known(name)
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from graspfn.evaluation.bench import Scene
-from graspfn.imaging.camera import Intrinsics
 from graspfn.params import Plan
 from graspfn.planning.centroid import centroid_grasp
 from graspfn.planning.methods import BEST, CENTROID, LIKELIEST, ROBUST, best_grasp, robust_best_grasp
@@ -53,14 +52,13 @@ class Planner:
     """Plans with every method. Ties are drawn by (seed, name of the scene)."""
 
     plan: Plan
-    intrinsics: Intrinsics
     seed: int
 
     def plans(
         self, scene: Scene, functions: Sequence[GraspFunction], uncertainties: Sequence[PoseUncertainty]
     ) -> list[list[Planned]]:
         """The poses of all methods under each uncertainty."""
-        centroid = Planned(CENTROID, "", UNTRAINED, centroid_grasp(scene.depth, self.intrinsics))
+        centroid = Planned(CENTROID, "", UNTRAINED, centroid_grasp(scene.seen))
         unaware = [(function, *self._unaware(scene, function)) for function in functions]
         return [
             [centroid]

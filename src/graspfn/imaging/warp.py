@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from graspfn.geometry.grid import SHAPE, poses, to_index
 from graspfn.geometry.transforms import unmove_pose
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 
 
 def sample_function(f: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -42,16 +42,14 @@ def move_function(f: np.ndarray, shift_uv: np.ndarray, theta: float) -> np.ndarr
     return sample_function(f, unmove_pose(poses(), shift_uv, theta))
 
 
-def move_image(
-    depth: np.ndarray, shift_uv: np.ndarray, theta: float, intrinsics: Intrinsics, fill: float
-) -> np.ndarray:
+def move_image(depth: np.ndarray, shift_uv: np.ndarray, theta: float, camera: Camera, fill: float) -> np.ndarray:
     """depth: (height, width), metres -> the same shape and dtype, turned about the image centre and then shifted.
 
     Bilinear; `fill` (the depth of the bare table) enters from outside. The turn is what a camera would see exactly. The
     shift moves every pixel as if it lay on the table, as the paper does: a real one would move high points further.
     """
-    y, x = np.mgrid[: intrinsics.height, : intrinsics.width]
-    uv = intrinsics.pixel_to_table(np.stack([x, y], axis=-1))
+    y, x = np.mgrid[: camera.height, : camera.width]
+    uv = camera.pixel_to_table(np.stack([x, y], axis=-1))
     came_from = unmove_pose(np.concatenate([uv, np.zeros_like(uv[..., :1])], axis=-1), shift_uv, theta)[..., :2]
-    pixel = intrinsics.table_to_pixel(came_from)
+    pixel = camera.table_to_pixel(came_from)
     return ndimage.map_coordinates(depth, [pixel[..., 1], pixel[..., 0]], order=1, mode="grid-constant", cval=fill)

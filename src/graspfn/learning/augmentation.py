@@ -1,4 +1,4 @@
-"""The table of augmented samples (paper VII): each training image shifted and turned many times."""
+"""The table of augmented samples (paper VII): each training image shifted, turned and mirrored many times."""
 
 from __future__ import annotations
 
@@ -7,23 +7,24 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from graspfn.imaging.camera import Intrinsics
-from graspfn.imaging.placement import random_placements
+from graspfn.imaging.placement import random_placements_above
+from graspfn.params import Augment
 from graspfn.seeds import generator
 
 
-def augmentation_table(
-    images: np.ndarray, ids: Sequence[str], intrinsics: Intrinsics, samples: int, seed: int
-) -> pd.DataFrame:
-    """images: (N, 480, 640) noise-free, metres -> N * samples lines, sorted by image.
+def augmentation_table(maps: np.ndarray, ids: Sequence[str], augment: Augment, seed: int) -> pd.DataFrame:
+    """maps: (N, 264, 352) of `imaging.orthographic` -> N * augment.samples lines, sorted by object.
 
-    Columns: row (int64, of `images`), shift_u_m, shift_v_m, theta_rad (float64, the motion of `T_world_scene`) and
-    noise_seed (uint32). The draws of an image depend on its id and the seed, not on the other images.
+    Columns: row (int64, of `maps`), shift_u_m, shift_v_m, theta_rad (float64, the motion of `T_world_scene`),
+    mirrored (bool, v becomes -v after the motion), empty (bool, the object is taken away) and noise_seed (uint32).
+    The draws of an object depend on its id and the seed, not on the others, nor on the camera.
     """
     parts = []
-    for row, (image, name) in enumerate(zip(images, ids, strict=True)):
-        placing, noise = generator(seed, "augment", "placement", name), generator(seed, "augment", "noise", name)
-        shifts, theta = random_placements(image, intrinsics, placing, samples)
+    for row, (heights, name) in enumerate(zip(maps, ids, strict=True)):
+        placing, noise, mirror, empty = (
+            generator(seed, "augment", what, name) for what in ("placement", "noise", "mirror", "empty")
+        )
+        shifts, theta = random_placements_above(heights, placing, augment.samples)
         parts.append(
             pd.DataFrame(
                 {
@@ -31,7 +32,9 @@ def augmentation_table(
                     "shift_u_m": shifts[:, 0],
                     "shift_v_m": shifts[:, 1],
                     "theta_rad": theta,
-                    "noise_seed": noise.integers(2**32, size=samples, dtype=np.uint32),
+                    "mirrored": (mirror.random(augment.samples) < 0.5) & augment.mirror,
+                    "empty": empty.random(augment.samples) < augment.empty,
+                    "noise_seed": noise.integers(2**32, size=augment.samples, dtype=np.uint32),
                 }
             )
         )

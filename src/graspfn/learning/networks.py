@@ -1,4 +1,6 @@
-"""The networks: depth image (B, 1, 132, 176) -> logits (B, 33, 44, 6, 6), the last axis a score class."""
+"""The networks: depth image (B, 1, 132, 176) or height map (B, 2, 132, 176) -> logits (B, 33, 44, 6, 6), the last
+axis a score class.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,7 @@ from torch import nn
 from torch.nn import functional
 
 from graspfn.geometry.grid import SHAPE
-from graspfn.learning.dataset import CLASSES
+from graspfn.learning.targets import CLASSES
 from graspfn.params import AlexNet as AlexNetParams
 from graspfn.params import Network
 from graspfn.seeds import seed_of
@@ -20,7 +22,7 @@ class GraspNetwork(nn.Module):
     n_features: int
 
     def features(self, x: torch.Tensor) -> torch.Tensor:
-        """(B, 1, 132, 176) -> (B, n_features), of the layers that pre-training shares with the grasp function."""
+        """(B, channels, 132, 176) -> (B, n_features), of the layers that pre-training shares with grasping."""
         raise NotImplementedError
 
     def prior_bias(self) -> torch.Tensor:
@@ -40,14 +42,14 @@ class GraspNetwork(nn.Module):
 class AlexNet(GraspNetwork):
     """The paper's: five convolutions with max pooling and two fully-connected layers, the last of 8712 x 6 outputs."""
 
-    def __init__(self, width: int, hidden: int, dropout: float):
+    def __init__(self, channels: int, width: int, hidden: int, dropout: float):
         super().__init__()
 
         def convolution(inputs: int, outputs: int, size: int, stride: int = 1) -> list[nn.Module]:
             return [nn.Conv2d(inputs, outputs, size, stride, padding=size // 2), nn.ReLU(inplace=True)]
 
         self.trunk = nn.Sequential(
-            *convolution(1, width, 7, stride=2),
+            *convolution(channels, width, 7, stride=2),
             nn.MaxPool2d(2),  # 33 x 44
             *convolution(width, 2 * width, 5),
             nn.MaxPool2d(2),  # 16 x 22
@@ -93,9 +95,9 @@ class FCN(GraspNetwork):
     each way) before the detail comes back through the skips.
     """
 
-    def __init__(self, width: int):
+    def __init__(self, channels: int, width: int):
         super().__init__()
-        self.stem = nn.Sequential(_block(1, width, 5, stride=2), _block(width, 2 * width, 3, stride=2))
+        self.stem = nn.Sequential(_block(channels, width, 5, stride=2), _block(width, 2 * width, 3, stride=2))
         self.level0 = _block(2 * width, 2 * width)  # 33 x 44
         self.level1 = nn.Sequential(_block(2 * width, 4 * width, stride=2), _block(4 * width, 4 * width))  # 17 x 22
         self.level2 = nn.Sequential(  # 9 x 11
@@ -128,7 +130,7 @@ class FCN(GraspNetwork):
 
 
 class Classifier(nn.Module):
-    """A network's features and one linear layer on them: (B, 1, 132, 176) -> logits (B, classes)."""
+    """A network's features and one linear layer on them: (B, channels, 132, 176) -> logits (B, classes)."""
 
     def __init__(self, network: GraspNetwork, classes: int):
         super().__init__()
@@ -144,5 +146,5 @@ def build_network(params: Network, seed: int = 0) -> GraspNetwork:
     with torch.random.fork_rng():
         torch.manual_seed(seed_of(seed, "weights", params.architecture))
         if isinstance(params, AlexNetParams):
-            return AlexNet(params.width, params.hidden, params.dropout)
-        return FCN(params.width)
+            return AlexNet(params.channels, params.width, params.hidden, params.dropout)
+        return FCN(params.channels, params.width)

@@ -8,16 +8,16 @@ import numpy as np
 import torch
 
 from graspfn.geometry.grid import SHAPE
-from graspfn.learning.dataset import CLASSES
 from graspfn.learning.device import torch_threads
 from graspfn.learning.networks import GraspNetwork
+from graspfn.learning.targets import CLASSES
 from graspfn.workflow.cores import cores
 
 BATCH = 16
 
 
 def predict(network: GraspNetwork, inputs: np.ndarray, device: torch.device | None = None) -> np.ndarray:
-    """inputs: (M, 132, 176) float32 of `imaging.network_input` -> scores (M, 33, 44, 6) float32 in [0, 1].
+    """inputs: (M, channels, 132, 176) float32, or (M, 132, 176) of one -> scores (M, 33, 44, 6) float32 in [0, 1].
 
     A pose's score is its expectation under the predicted probabilities of 0, 0.2, ..., 1: the mean success rate that
     smoothing then averages, where the single likeliest class would jump. Bits do not depend on the number of cores.
@@ -32,12 +32,13 @@ def predict_both(
     (V)."""
     device = device or torch.device("cpu")
     network = network.to(device).eval()
+    inputs = inputs if inputs.ndim == 4 else inputs[:, None]
     values = torch.linspace(0, 1, CLASSES, device=device)
 
     def batch_of(start: int) -> tuple[np.ndarray, np.ndarray]:
         batch = torch.from_numpy(np.ascontiguousarray(inputs[start : start + BATCH], dtype=np.float32))
         with torch.inference_mode():
-            logits = network(batch[:, None].to(device))
+            logits = network(batch.to(device))
             scores = (logits.softmax(dim=-1) @ values).cpu().numpy()
             return scores, logits.argmax(dim=-1).to(torch.uint8).cpu().numpy()
 

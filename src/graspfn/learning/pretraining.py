@@ -10,7 +10,7 @@ import pandas as pd
 import torch
 from torch.nn import functional
 
-from graspfn.learning.dataset import ClassSamples
+from graspfn.learning.dataset import Samples
 from graspfn.learning.networks import Classifier, GraspNetwork
 from graspfn.learning.training import Descent, Resources, fit
 from graspfn.params import Network, Pretrain
@@ -25,7 +25,7 @@ def class_indices(classes: Sequence[str]) -> tuple[np.ndarray, list[str]]:
 
 def pretrain(
     network: GraspNetwork,
-    dataset: ClassSamples,
+    dataset: Samples,
     names: Sequence[str],
     length: Pretrain,
     params: Network,

@@ -43,6 +43,11 @@ def read_config(folder: Path) -> dict[str, Any]:
     return config
 
 
+def input_kind(folder: Path) -> str:
+    """What the network saved in a folder sees, `network.*.input`."""
+    return str(read_config(folder)["network"].get("input", "depth"))
+
+
 def load_network(folder: Path) -> GraspNetwork:
     """The network saved in a folder, on the CPU, ready to predict.
 

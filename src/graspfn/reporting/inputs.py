@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.imaging.holes import fill_holes
 from graspfn.imaging.noise import observe
+from graspfn.imaging.table import TableError, fit_table
 from graspfn.meshes.placed import load_resting, read_resting, resting_rows
 from graspfn.meshes.store import read_manifest
+from graspfn.params import Table
 from graspfn.physics.world import Rig
 from graspfn.reporting.figures.depth_images import ExecutedGrasp
 from graspfn.reporting.film import Film, film_best_grasp, film_failure
@@ -22,11 +24,14 @@ from graspfn.reporting.parameters import Parameter, flat_parameters
 from graspfn.reporting.plans import graspable_objects, plans_of
 from graspfn.reporting.sizes import widths
 from graspfn.robot.read import read_trial
+from graspfn.robot.trial import TrialRecording
 from graspfn.seeds import generator
 from graspfn.workflow.files import read_npz
 
 SPLITS = ("train", "test")
 SHOWN_TEST, SHOWN_GRASPS, SHOWN_FILMS = 4, 8, 10
+# What a recorded image may be drawn over: any table that a camera from above sees.
+ANY_TABLE = Table(fit=True, max_tilt_deg=20, min_inliers=0.05, max_rms_mm=20, max_offset_mm=1e4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +60,7 @@ class Recorded:
     camera: what took them, which need not be the camera of the parameters.
     """
 
-    camera: Intrinsics
+    camera: Camera
     raw: np.ndarray
     filled: np.ndarray
     grasps: tuple[ExecutedGrasp, ...]
@@ -68,6 +73,7 @@ class ReportInputs:
     manifests and placed: by split. rejects (split, source, name, class, reason): meshes turned down.
     account, test_account: of the labels of training and test objects; graspable: those of the test objects that can be
     held; widths_m: the narrowest width of each as it was placed, by id. plans: the trials, those of one pose together.
+    disturbed: plans on disturbed images.
     films: of several objects, by whether they are "held" or "failed".
     data: where the objects' meshes and poses lie, too many to hold. stage_seconds: how long each stage took, for those
     where it is known.
@@ -77,7 +83,7 @@ class ReportInputs:
     data: Path
     params: Any
     parameters: tuple[Parameter, ...]
-    camera: Intrinsics
+    camera: Camera
     manifests: Mapping[str, pd.DataFrame]
     placed: Mapping[str, pd.DataFrame]
     rejects: pd.DataFrame
@@ -89,6 +95,7 @@ class ReportInputs:
     training: Mapping[str, pd.DataFrame]
     trials: pd.DataFrame
     plans: pd.DataFrame
+    disturbed: pd.DataFrame
     robot_trials: pd.DataFrame
     robot_uncertainty: pd.DataFrame
     labelled: LabelledExample
@@ -172,14 +179,24 @@ def _films(data: Path, labels: Mapping[str, np.ndarray], params: Any) -> dict[st
     return films
 
 
+def _camera_of(trial: TrialRecording) -> Camera:
+    """The camera of a recording, which does not say how high it stood: over the table that it sees."""
+    height, width = trial.depth.shape
+    K = trial.camera_matrix
+    camera = Camera(width, height, (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), trial.distortion)
+    try:
+        return camera.at(fit_table(trial.depth, camera, ANY_TABLE).T_world_camera)
+    except TableError:
+        return Camera.of_the_paper(width, height, float(K[0, 0]))
+
+
 def _recorded(data: Path, trials: pd.DataFrame, params: Any) -> Recorded:
     """Successes of the robust method first, from different objects, with the least uncertainty first."""
     order = trials.assign(robust=trials["method"] != "Robust Best Grasp", failed=~trials["success"])
     order = order.sort_values(["failed", "robust", "sigma_uv_mm", "object", "placement", "network"])
     chosen = order[~order["failed"]].drop_duplicates("object").head(SHOWN_GRASPS)
     first = read_trial(data / "recordings" / order["file"].iloc[0], params.topics)
-    height, width = first.depth.shape
-    camera = Intrinsics(width, height, float(first.camera_matrix[0, 0]))
+    camera = _camera_of(first)
     grasps = []
     for line in chosen.to_dict("records"):
         trial = read_trial(data / "recordings" / line["file"], params.topics)
@@ -205,7 +222,7 @@ def load_inputs(data: Path, params: Any, stage_seconds: Mapping[str, float]) -> 
         data=data,
         params=params,
         parameters=flat_parameters(params),
-        camera=Intrinsics.from_params(params.camera),
+        camera=Camera.from_params(params.camera),
         manifests={split: read_manifest(data / "objects" / split) for split in SPLITS},
         placed=placed,
         rejects=pd.read_parquet(data / "objects/rejects.parquet"),
@@ -217,6 +234,7 @@ def load_inputs(data: Path, params: Any, stage_seconds: Mapping[str, float]) -> 
         training=_histories(data / "networks", networks),
         trials=trials,
         plans=plans_of(trials),
+        disturbed=pd.read_parquet(data / "robustness.parquet"),
         robot_trials=robot_trials,
         robot_uncertainty=pd.read_parquet(data / "robot_uncertainty.parquet"),
         labelled=labelled,

@@ -60,6 +60,16 @@ def camera_matrix(info: Any, shape: tuple[int, int]) -> np.ndarray:
     return K
 
 
+def distortion(info: Any) -> tuple[float, ...]:
+    """Of a sensor_msgs/CameraInfo, in OpenCV's order; empty where there is none."""
+    values = tuple(float(value) for value in info.d)
+    if not any(values):
+        return ()
+    if len(values) not in (4, 5, 8) or not np.isfinite(values).all():
+        raise RecordingError(f"distortion {values}; it takes 4, 5 or 8 numbers, of plumb_bob or rational_polynomial")
+    return values
+
+
 def pose(stamped: Any) -> np.ndarray:
     """(3,) (u [m], v [m], theta [rad]) of a geometry_msgs/PoseStamped in the frame `table`."""
     frame = stamped.header.frame_id.lstrip("/")

@@ -9,20 +9,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 
 BASELINE_M = 0.075  # projector to camera, along the image's +x
 DROPOUT = 0.002  # fraction of further pixels lost at random
 
 
-def projector_shadow(depth: np.ndarray, intrinsics: Intrinsics) -> np.ndarray:
+def projector_shadow(depth: np.ndarray, camera: Camera) -> np.ndarray:
     """(height, width) bool: pixels that see a point which the projector does not; depth: noise-free, metres.
 
     A point of depth z in camera column x lies in projector column x - f b / z. Seen from the projector's side (from
     the right) the columns of lit points only fall; a point is in shadow where one further right reached a column at
     least as far left, for then the surface between them stands in the projector's way.
     """
-    column = np.arange(depth.shape[1]) - intrinsics.focal * BASELINE_M / depth
+    column = np.arange(depth.shape[1]) - camera.K[0] * BASELINE_M / depth
     leftmost = np.minimum.accumulate(column[:, ::-1], axis=1)[:, ::-1]
     shadow = np.zeros(depth.shape, dtype=bool)
     # A hundredth of a column absorbs the float32 of a rendered table.
@@ -30,6 +30,6 @@ def projector_shadow(depth: np.ndarray, intrinsics: Intrinsics) -> np.ndarray:
     return shadow
 
 
-def hole_mask(depth: np.ndarray, intrinsics: Intrinsics, rng: np.random.Generator) -> np.ndarray:
+def hole_mask(depth: np.ndarray, camera: Camera, rng: np.random.Generator) -> np.ndarray:
     """(height, width) bool: pixels without a measurement, in the projector's shadow or lost at random."""
-    return projector_shadow(depth, intrinsics) | (rng.random(depth.shape) < DROPOUT)
+    return projector_shadow(depth, camera) | (rng.random(depth.shape) < DROPOUT)

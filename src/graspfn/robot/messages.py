@@ -84,15 +84,17 @@ def depth_image(depth: np.ndarray, encoding: str, stamp: dict[str, Any]) -> dict
     }
 
 
-def camera_info(matrix: np.ndarray, shape: tuple[int, int], stamp: dict[str, Any]) -> dict[str, Any]:
-    """sensor_msgs/CameraInfo of an undistorted pinhole: matrix (3, 3), image shape (height, width)."""
+def camera_info(
+    matrix: np.ndarray, shape: tuple[int, int], stamp: dict[str, Any], distortion: tuple[float, ...] = ()
+) -> dict[str, Any]:
+    """sensor_msgs/CameraInfo: matrix (3, 3), image shape (height, width), distortion in OpenCV's order, of up to 8."""
     projection = np.column_stack([matrix, np.zeros(3)])
     return {
         "header": stamp,
         "height": shape[0],
         "width": shape[1],
-        "distortion_model": "plumb_bob",
-        "d": [0.0] * 5,
+        "distortion_model": "plumb_bob" if len(distortion) <= 5 else "rational_polynomial",
+        "d": [*distortion, *[0.0] * (5 - len(distortion))],
         "k": matrix.ravel().tolist(),
         "r": np.eye(3).ravel().tolist(),
         "p": projection.ravel().tolist(),

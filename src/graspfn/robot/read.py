@@ -139,7 +139,8 @@ def _trial(reader: SeekingReader, topics: Topics) -> TrialRecording:
     with _naming(topics.depth):
         depth = decode.depth(found["depth"][0].message)
     with _naming(topics.camera_info):
-        camera_matrix = decode.camera_matrix(found["camera_info"][0].message, depth.shape)
+        info = found["camera_info"][0].message
+        camera_matrix, distortion = decode.camera_matrix(info, depth.shape), decode.distortion(info)
     success = bool(found["outcome"][0].message.data)
     if success and not planned:
         raise RecordingError(f"topic {topics.outcome}: a success, but metadata {PLANNED}: false")
@@ -153,6 +154,7 @@ def _trial(reader: SeekingReader, topics: Topics) -> TrialRecording:
         joint_time_s=time_s,
         joint_positions=positions,
         success=success,
+        distortion=distortion,
     )
 
 

@@ -27,7 +27,7 @@ def _timeline(
 ) -> Iterator[tuple[int, str, str, dict[str, Any]]]:
     """(time [ns], topic, type, message) of everything in a trial, in order of time."""
     seen = messages.header(SEEN_NS, CAMERA_FRAME)
-    info = messages.camera_info(trial.camera_matrix, trial.depth.shape, seen)
+    info = messages.camera_info(trial.camera_matrix, trial.depth.shape, seen, trial.distortion)
     yield SEEN_NS, topics.camera_info, "sensor_msgs/msg/CameraInfo", info
     image = messages.depth_image(trial.depth, depth_encoding, seen)
     yield SEEN_NS, topics.depth, "sensor_msgs/msg/Image", image

@@ -12,15 +12,16 @@ import torch
 from graspfn.evaluation.bench import Scene
 from graspfn.evaluation.planner import GraspFunction, Planner
 from graspfn.geometry.transforms import T_world_scene
-from graspfn.imaging.holes import fill_holes
+from graspfn.imaging.camera import Camera
+from graspfn.imaging.height_map import see_heights
 from graspfn.imaging.network_input import network_input
-from graspfn.imaging.placement import random_placement
-from graspfn.imaging.render import Renderer
+from graspfn.imaging.placement import PLACING, random_placement
+from graspfn.imaging.renderers import Renderer
 from graspfn.learning.networks import GraspNetwork
 from graspfn.learning.prediction import predict
 from graspfn.meshes.placed import load_resting, resting_rows
 from graspfn.meshes.store import read_manifest
-from graspfn.params import Noise
+from graspfn.params import Noise, Table
 from graspfn.physics.world import Rig
 from graspfn.planning.uncertainty import PoseUncertainty
 from graspfn.robot.simulated import Seen, see
@@ -30,7 +31,8 @@ from graspfn.seeds import generator
 class Scenes:
     """So many placements of the first test objects, in the order of selection, which takes classes in turn.
 
-    networks: by name, each with its training seed. cells: (sigma_uv [mm], sigma_theta [deg]) of each condition.
+    networks: by name, each with its training seed and its `network.*.input`. cells: (sigma_uv [mm], sigma_theta [deg])
+    of each condition.
     """
 
     def __init__(
@@ -38,16 +40,18 @@ class Scenes:
         data: Path,
         objects: int,
         placements: int,
-        networks: Mapping[str, tuple[int, GraspNetwork]],
+        networks: Mapping[str, tuple[int, str, GraspNetwork]],
         cells: list[tuple[float, float]],
         planner: Planner,
+        camera: Camera,
+        table: Table,
         noise: Noise,
         render: Renderer,
         rig: Rig,
         device: torch.device,
     ):
         self.networks, self.cells, self.planner, self.noise = networks, cells, planner, noise
-        self.render, self.rig, self.device = render, rig, device
+        self.camera, self.table, self.render, self.rig, self.device = camera, table, render, rig, device
         self._folders = data / "objects/test", data / "collision/test"
         self._placed = resting_rows(data / "placed/test.parquet")
         order = read_manifest(self._folders[0]).sort_values("seed_index")["id"]
@@ -58,29 +62,27 @@ class Scenes:
         """All that the trials of a scene follow from but the networks, for the name of its shard."""
         name, placement = self.keys[key]
         files = [folder / f"{name}.ply" for folder in self._folders]
-        return [*files, self._placed[name], name, placement, self.cells, self.planner, self.noise, self.rig]
+        setting = self.cells, self.planner, self.camera, self.table, self.noise, self.rig
+        return [*files, self._placed[name], name, placement, *setting]
 
     def task(self, key: str) -> tuple[Any, ...]:
         """Arguments of `simulated.record`."""
         name, placement = self.keys[key]
-        resting, camera, seed = (
-            load_resting(*self._folders, self._placed[name]),
-            self.planner.intrinsics,
-            self.planner.seed,
-        )
+        resting, camera, seed = load_resting(*self._folders, self._placed[name]), self.camera, self.planner.seed
         mesh, T = resting.mesh, resting.T_world_object
         rng = generator(seed, "record_robot", name, placement)
-        shift, theta = random_placement(self.render(mesh, T, camera), camera, rng)
+        shift, theta = random_placement(self.render(mesh, T, PLACING), PLACING, rng)
         raw = see(self.render(mesh, T_world_scene(shift, theta) @ T, camera), self.noise, camera, rng)
-        scene = Scene(key, fill_holes(raw, camera), shift, theta)
-        plans = self.planner.plans(
-            scene, self._functions(scene.depth), [PoseUncertainty.of(*cell) for cell in self.cells]
-        )
+        scene = Scene(key, see_heights(raw, camera, self.table), shift, theta)
+        plans = self.planner.plans(scene, self._functions(raw), [PoseUncertainty.of(*cell) for cell in self.cells])
         return Seen(name, placement, raw, scene), self.cells, plans, resting, self.rig, camera, seed
 
     def _functions(self, depth: np.ndarray) -> list[GraspFunction]:
-        inputs = network_input(depth, self.planner.intrinsics)[None]
+        inputs = {
+            kind: network_input(depth, self.camera, kind, self.table)[None]
+            for kind in {kind for _, kind, _ in self.networks.values()}
+        }
         return [
-            GraspFunction(name, seed, predict(network, inputs, self.device)[0])
-            for name, (seed, network) in self.networks.items()
+            GraspFunction(name, seed, predict(network, inputs[kind], self.device)[0])
+            for name, (seed, kind, network) in self.networks.items()
         ]

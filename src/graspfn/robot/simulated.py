@@ -9,7 +9,7 @@ import numpy as np
 
 from graspfn.evaluation.bench import Bench, Scene
 from graspfn.evaluation.planner import Planned
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.imaging.noise import add_noise
 from graspfn.meshes.placed import Resting
 from graspfn.params import Noise
@@ -27,7 +27,7 @@ JOINTS = ("hand_lift", "finger_left", "finger_right")
 class Seen:
     """One object at one placement, and what the robot's camera made of it.
 
-    raw: (480, 640) float32, metres, NaN where nothing was measured; the scene's depth is the same, filled.
+    raw: (height, width) float32, metres, NaN where nothing was measured.
     """
 
     object: str
@@ -36,10 +36,10 @@ class Seen:
     scene: Scene
 
 
-def see(depth: np.ndarray, noise: Noise, intrinsics: Intrinsics, rng: np.random.Generator) -> np.ndarray:
+def see(depth: np.ndarray, noise: Noise, camera: Camera, rng: np.random.Generator) -> np.ndarray:
     """A noise-free (480, 640) image as the robot's camera gives it: eq. 2's noise, NaN where nothing was measured."""
     seen = add_noise(depth, noise, rng).astype(np.float32)
-    seen[hole_mask(depth, intrinsics, rng)] = np.nan
+    seen[hole_mask(depth, camera, rng)] = np.nan
     return seen
 
 
@@ -49,7 +49,7 @@ def record(
     plans: Sequence[Sequence[Planned]],
     resting: Resting,
     rig: Rig,
-    intrinsics: Intrinsics,
+    camera: Camera,
     seed: int,
 ) -> list[TrialRecording]:
     """Execute the plans for each cell (sigma_uv [mm], sigma_theta [deg]). Those of one cell share the arm's error, so
@@ -80,13 +80,14 @@ def record(
                     simulated=True,
                 ),
                 depth=seen.raw,
-                camera_matrix=intrinsics.matrix,
+                camera_matrix=camera.matrix,
                 commanded=planned.q,
                 achieved=reached,
                 joint_names=JOINTS,
                 joint_time_s=np.array([frame.time_s for frame in frames]),
                 joint_positions=np.array([(frame.hand_z, *frame.fingers) for frame in frames]).reshape(-1, 3),
                 success=held,
+                distortion=camera.distortion,
             )
         )
     return recordings

@@ -95,7 +95,7 @@ class TrialRecording:
     """One trial.
 
     depth: (height, width) float32, metres, NaN where nothing was measured: the image that was planned on.
-    camera_matrix: (3, 3) of that image.
+    camera_matrix: (3, 3) of that image; distortion: of its lens, as `imaging.camera.Camera` has it.
     commanded, achieved: (3,) poses (u [m], v [m], theta [rad]); None where the method found no grasp: a failure.
     joint_time_s: (T,) since the command; joint_positions: (T, len(joint_names)), metres or radians.
     success: the object was off the table and in the gripper at the top.
@@ -110,3 +110,4 @@ class TrialRecording:
     joint_time_s: np.ndarray
     joint_positions: np.ndarray
     success: bool
+    distortion: tuple[float, ...] = ()

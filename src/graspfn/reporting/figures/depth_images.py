@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.imaging.holes import holes
 from graspfn.reporting.figures.grasp_functions import add_pose
 from graspfn.reporting.figures.style import (
@@ -42,7 +42,7 @@ def short(name: str, most: int = 24) -> str:
 
 
 @styled
-def draw_depth(depth: np.ndarray, camera: Intrinsics) -> Figure:
+def draw_depth(depth: np.ndarray, camera: Camera) -> Figure:
     """One depth image (480, 640), metres: all of it, and what stands out of the table enlarged."""
     figure = new_figure(WIDE_IN, 3.25)
     whole, near = figure.subplots(1, 2, width_ratios=[4 / 3, 1])
@@ -56,10 +56,10 @@ def draw_depth(depth: np.ndarray, camera: Intrinsics) -> Figure:
 
 
 @styled
-def draw_noise(depth: np.ndarray, noisy: np.ndarray, camera: Intrinsics) -> Figure:
+def draw_noise(depth: np.ndarray, noisy: np.ndarray, camera: Camera) -> Figure:
     """A depth image (480, 640) without noise, with noise, and 4 cm at the object's edge enlarged in both."""
     figure = new_figure(WIDE_IN, 1.75)
-    rows, columns = np.nonzero(camera.table_depth - depth > 0.003)
+    rows, columns = np.nonzero(camera.deproject(depth)[..., 2] > 0.003)
     # About the object's uppermost pixel in the image, where there is an edge to see.
     u, v = camera.pixel_to_table(np.array([columns[0], rows[0]])) * 1000 if len(rows) else (0.0, 0.0)
     window = (float(u) - 20, float(u) + 20, float(v) - 12, float(v) + 28)
@@ -79,7 +79,7 @@ def draw_noise(depth: np.ndarray, noisy: np.ndarray, camera: Intrinsics) -> Figu
 
 
 @styled
-def draw_inpainting(raw: np.ndarray, filled: np.ndarray, camera: Intrinsics, simulated: bool) -> Figure:
+def draw_inpainting(raw: np.ndarray, filled: np.ndarray, camera: Camera, simulated: bool) -> Figure:
     """A recorded depth image (480, 640), metres, as it came and after hole filling."""
     figure = new_figure(WIDE_IN * 0.85, 2.55)
     robot = "Simulated robot" if simulated else "Robot"
@@ -93,9 +93,7 @@ def draw_inpainting(raw: np.ndarray, filled: np.ndarray, camera: Intrinsics, sim
 
 
 @styled
-def draw_example_grasps(
-    grasps: Sequence[ExecutedGrasp], opening_mm: float, camera: Intrinsics, simulated: bool
-) -> Figure:
+def draw_example_grasps(grasps: Sequence[ExecutedGrasp], opening_mm: float, camera: Camera, simulated: bool) -> Figure:
     """Successful trials of a robot: the commanded pose and the one it reached over the depth image planned on."""
     columns = min(4, len(grasps))
     rows = -(-len(grasps) // columns)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from graspfn.geometry import grid
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.reporting.figures.style import (
     BEST,
     COLUMN_IN,
@@ -65,7 +65,7 @@ def add_pose(
 
 
 @styled
-def draw_grasp_function(depth: np.ndarray, f: np.ndarray, camera: Intrinsics) -> Figure:
+def draw_grasp_function(depth: np.ndarray, f: np.ndarray, camera: Camera) -> Figure:
     """One grasp function f (33, 44, 6) over its depth image (480, 640): every pose of Q, and every third."""
     figure = new_figure(WIDE_IN, 3.75)
     window = window_round(depth, camera)
@@ -80,7 +80,7 @@ def draw_grasp_function(depth: np.ndarray, f: np.ndarray, camera: Intrinsics) ->
 
 
 @styled
-def draw_training_example(depth: np.ndarray, noisy: np.ndarray, f: np.ndarray, camera: Intrinsics) -> Figure:
+def draw_training_example(depth: np.ndarray, noisy: np.ndarray, f: np.ndarray, camera: Camera) -> Figure:
     """a: noise-free depth; b: zoomed, with noise; c: the labelled grasp function f (33, 44, 6); d: coarser."""
     figure = new_figure(WIDE_IN, 1.95)
     window = window_round(depth, camera)
@@ -103,7 +103,7 @@ def draw_predictions(
     functions: Mapping[str, Sequence[np.ndarray]],
     poses: Mapping[str, Sequence[tuple[np.ndarray | None, np.ndarray | None]]],
     opening_mm: float,
-    camera: Intrinsics,
+    camera: Camera,
 ) -> Figure:
     """Rows: test images; columns: networks. Each predicted function with its Best and Robust Best pose (3,).
 
@@ -139,7 +139,7 @@ def draw_growing_uncertainty(
     poses: Sequence[Sequence[np.ndarray | None]],
     sigmas: Sequence[tuple[float, float]],
     opening_mm: float,
-    camera: Intrinsics,
+    camera: Camera,
 ) -> Figure:
     """Rows: test images; columns: Sigma (sigma_uv [mm], sigma_theta [deg]). The robust poses[row][column] in red."""
     figure = new_figure(1.72 * len(sigmas) + 0.2, 1.72 * len(depths) + 0.35)

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
 
-from graspfn.imaging.camera import Intrinsics
+from graspfn.imaging.camera import Camera
 from graspfn.imaging.holes import holes
 
 P = ParamSpec("P")
@@ -128,12 +128,12 @@ def bare(axes: Axes) -> None:
         spine.set_color("0.6")
 
 
-def show_depth(axes: Axes, depth: np.ndarray, camera: Intrinsics, window_mm: tuple[float, ...] | None = None) -> None:
+def show_depth(axes: Axes, depth: np.ndarray, camera: Camera, window_mm: tuple[float, ...] | None = None) -> None:
     """A depth image (480, 640) [m] as heights, dark where high, holes blue; axes in mm on the table, v down.
 
     window_mm: (u low, u high, v low, v high) to show.
     """
-    height = camera.table_depth - depth
+    height = camera.deproject(depth)[..., 2]
     # The square root gives low objects and the noise of the table their share of the greys.
     grey = np.clip(0.95 - 0.62 * np.sign(height) * np.sqrt(np.abs(height) / DARKEST_M), 0.33, 1.0)
     rgb = np.repeat(grey[..., None], 3, axis=-1)
@@ -156,9 +156,9 @@ def scale_bar(axes: Axes, length_mm: float = 50.0) -> None:
     axes.text(high_u - margin - length_mm / 2, v - 0.4 * margin, f"{length_mm / 10:g} cm", ha="center", va="bottom")
 
 
-def window_round(depth: np.ndarray, camera: Intrinsics, margin_mm: float = 35.0) -> tuple[float, float, float, float]:
+def window_round(depth: np.ndarray, camera: Camera, margin_mm: float = 35.0) -> tuple[float, float, float, float]:
     """A square (u low, u high, v low, v high) [mm] round what stands out of the table in a noise-free depth image."""
-    rows, columns = np.nonzero(camera.table_depth - depth > 0.003)
+    rows, columns = np.nonzero(camera.deproject(depth)[..., 2] > 0.003)
     if not len(rows):
         return -80.0, 80.0, -80.0, 80.0
     corners = np.array([[columns.min(), rows.min()], [columns.max(), rows.max()]])
@@ -166,7 +166,7 @@ def window_round(depth: np.ndarray, camera: Intrinsics, margin_mm: float = 35.0)
     return square((low + high) / 2, max((high - low).max() / 2 + margin_mm, 60.0), camera)
 
 
-def square(centre_mm: np.ndarray, half_mm: float, camera: Intrinsics) -> tuple[float, float, float, float]:
+def square(centre_mm: np.ndarray, half_mm: float, camera: Camera) -> tuple[float, float, float, float]:
     """A square (u low, u high, v low, v high) [mm] about a point (2,), moved as little as keeps it in the image."""
     reach = np.abs(camera.pixel_to_table(np.array([-0.5, -0.5]))) * 1000
     half = min(half_mm, float(reach.min()))
