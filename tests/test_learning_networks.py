@@ -10,7 +10,7 @@ from safetensors.torch import load_file, save_file
 
 from graspfn.learning.networks import Classifier, build_network
 from graspfn.learning.prediction import predict
-from graspfn.learning.weights import load_network, save_network
+from graspfn.learning.weights import input_kind, load_network, save_network
 from graspfn.params import AlexNet, Network
 
 PARAMS = {
@@ -133,6 +133,22 @@ def test_saved_networks_come_back(params, inputs, tmp_path):
     assert sorted(path.name for path in (tmp_path / "net").iterdir()) == ["config.json", "weights.safetensors"]
     assert json.loads((tmp_path / "net/config.json").read_text())["pretrained_on"] == ["cup", "bowl"]
     assert np.array_equal(predict(load_network(tmp_path / "net"), inputs), predict(network, inputs))
+
+
+def test_a_network_that_says_of_no_input_sees_depth_images(params, tmp_path):
+    save_network(tmp_path, build_network(params), params)
+    config = json.loads((tmp_path / "config.json").read_text())
+    del config["network"]["input"]
+    (tmp_path / "config.json").write_text(json.dumps(config))
+    assert input_kind(tmp_path) == "depth"
+    load_network(tmp_path)
+
+
+@pytest.mark.parametrize("text", [b'{"network": []}', b'{"network": null}', b'{"network": {}}'])
+def test_what_no_network_sees_is_one_line(tmp_path, text):
+    (tmp_path / "config.json").write_bytes(text)
+    with pytest.raises(ValueError, match=str(tmp_path)):
+        input_kind(tmp_path)
 
 
 def spoil_config(folder):

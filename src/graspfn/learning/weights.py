@@ -43,9 +43,17 @@ def read_config(folder: Path) -> dict[str, Any]:
     return config
 
 
+def read_network(folder: Path) -> Network:
+    """The parameters of the network saved in a folder; those from before there were height maps say of no input."""
+    values = read_config(folder)["network"]
+    if isinstance(values, dict):
+        values = {"input": "depth"} | values
+    return build(Network, values, f"{folder}/config.json: network")
+
+
 def input_kind(folder: Path) -> str:
     """What the network saved in a folder sees, `network.*.input`."""
-    return str(read_config(folder)["network"].get("input", "depth"))
+    return read_network(folder).input
 
 
 def load_network(folder: Path) -> GraspNetwork:
@@ -53,7 +61,7 @@ def load_network(folder: Path) -> GraspNetwork:
 
     WeightsError or ParameterError, in one line that names the file, where the folder holds anything else.
     """
-    params = build(Network, read_config(folder)["network"], f"{folder}/config.json: network")
+    params = read_network(folder)
     path = folder / "weights.safetensors"
     try:
         state = load_file(path)
