@@ -101,7 +101,7 @@ def test_folders_with_odd_names_are_watched(repository):
     ],
 )
 def test_check_says_which_folder_cannot_be_used(workplace, monkeypatch, changes, lines):
-    monkeypatch.setattr("graspfn.cli._loads", lambda library: True)
+    monkeypatch.setattr("graspfn.commands.check._loads", lambda library: True)
     (workplace / "empty").mkdir()
     edit(workplace, **changes)
     result = CliRunner().invoke(app, ["check"])

@@ -30,6 +30,7 @@ ROOMS = {
     "evaluation": {"VII-A"},
     "robot": {"VII-B"},
     "workflow": set(),
+    "commands": {"VI", "VII-A"},
     "reporting": set(SECTIONS),
 }
 STAGES = {
@@ -49,7 +50,7 @@ STAGES = {
     "report": set(),
 }
 FILES = {
-    "src/graspfn/label_mesh.py": {"IV-A", "IV-B", "IV-C"},
+    "src/graspfn/commands/label_mesh.py": {"IV-A", "IV-B", "IV-C"},
     "conf/gripper/kinova_mico.yaml": {"III", "IV-A"},
     "docs/physics.md": {"IV-A", "IV-C"},
     "docs/objects.md": {"IV-C", "VII"},

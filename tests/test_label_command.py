@@ -15,10 +15,10 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from graspfn.cli import app
+from graspfn.commands.label_mesh import _apart
 from graspfn.formats.reading import read_mesh
 from graspfn.geometry import grid
 from graspfn.geometry.transforms import apply
-from graspfn.label_mesh import _apart
 from graspfn.meshes.errors import MeshError
 from graspfn.physics.labelling import ENDS, OUTCOMES
 from graspfn.workflow.files import read_npz

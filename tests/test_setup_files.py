@@ -116,6 +116,15 @@ def test_check_imports_nothing_that_needs_the_libraries():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+@pytest.mark.parametrize("command", ["check", "label", "params"])
+def test_a_command_loads_nothing_of_another(command):
+    code = f"import sys, graspfn.commands.{command}; print(*sys.modules)"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = {name for name in ran.stdout.split() if name.startswith("graspfn.")}
+    shared = {"graspfn.commands", "graspfn.commands.ending", "graspfn.commands.check", "graspfn.params"}
+    assert loaded <= shared | {f"graspfn.commands.{command}"}
+
+
 def test_version_is_the_projects():
     result = CliRunner().invoke(app, ["--version"])
     assert (result.exit_code, result.output) == (0, f"graspfn {PROJECT['version']}\n")

@@ -1,23 +1,15 @@
-"""`graspfn`: composing params.yaml, checking what the workflow needs, labelling one mesh. DVC runs the workflow."""
+"""`graspfn`: registers the commands. DVC runs the workflow."""
 
 from __future__ import annotations
 
-import ctypes
 import importlib.metadata
-import json
-import sys
-from collections.abc import Callable
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from graspfn.params import ParameterError, check_folders, read_yaml, validate
-
-# Loaded by name, so that a missing one is told before dartpy or moderngl is imported and fails at length.
-# Debian's names; libgl1 brings libX11, which dartpy loads as well.
-DART_LIBRARY = ("libGL.so.1", "libgl1", "dartpy")
-OPENGL_LIBRARY = ("libEGL.so.1", "libegl1", "camera.renderer: opengl")
+from graspfn.commands.check import check
+from graspfn.commands.label import label
+from graspfn.commands.params import params
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
 
@@ -34,129 +26,11 @@ def _options(
         False
     ),
 ) -> None:
-    """Parameters, checks, and the labels of one mesh; `dvc repro` runs the workflow."""
+    """Parameters, checks, the labels of one mesh, grasps for depth images; `dvc repro` runs the workflow."""
 
 
-@app.command()
-def params(
-    overrides: Annotated[list[str] | None, typer.Argument(metavar="[GROUP=CHOICE | KEY=VALUE]...")] = None,
-) -> None:
-    """Write params.yaml from conf/.
-
-    For example: graspfn params scale=smoke gripper.opening_mm=85
-    """
-    from graspfn.compose import compose, render  # Hydra and pandas are slow to import, and only needed here
-    from graspfn.workflow.files import atomic
-
-    try:
-        text = render(compose(overrides or []))
-        with atomic(Path("params.yaml")) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    except ParameterError as error:
-        _end_at([str(error)], 2)
-    except OSError as error:
-        _end_at([f"params.yaml: cannot be written: {error.strerror}"], 2)
-
-
-@app.command()
-def check() -> None:
-    """Say, a line each, what is wrong with params.yaml and its folders, and which system libraries are missing."""
-    _end_at(_problems() or _folder_problems(), 1)
-
-
-@app.command()
-def label(
-    mesh: Annotated[Path, typer.Argument(help="A .off .obj .stl .ply .glb or .gltf file, in metres.", metavar="MESH")],
-    out: Annotated[Path | None, typer.Option(help="Folder to write to; ./NAME-labels if not given.")] = None,
-    seed: Annotated[
-        int | None, typer.Option(help="Of the drop and the attempts; that of params.yaml if not given.")
-    ] = None,
-    size: Annotated[float | None, typer.Option(metavar="CM", help="Scale the mesh to this largest extent.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the account as JSON.")] = False,
-) -> None:
-    """Settle and label one mesh with the physics of params.yaml.
-
-    For example: graspfn label mug.stl --size 10
-    """
-    _end_at(_problems(), 2)
-    from graspfn.label_mesh import label_mesh, table  # DART is slow to import, and may not load
-    from graspfn.meshes.errors import MeshError
-    from graspfn.workflow.parallel import ClusterError
-
-    params = validate(read_yaml(Path("params.yaml")))
-    out, seed = out or Path(f"{mesh.stem}-labels"), params.seed if seed is None else seed
-    try:
-        account = label_mesh(mesh, out, params, seed, size)
-    except (ParameterError, MeshError, ClusterError) as error:
-        typer.echo(str(error), err=True)
-        raise typer.Exit(2) from None
-    typer.echo(json.dumps(account) if as_json else table(account))
-
-
-def _problems() -> list[str]:
-    """What is wrong with params.yaml and which system libraries are missing."""
-    problems = []
-    libraries = [DART_LIBRARY]
-    try:
-        if validate(read_yaml(Path("params.yaml"))).camera.renderer == "opengl":
-            libraries.append(OPENGL_LIBRARY)
-    except ParameterError as error:
-        problems.append(str(error))
-    problems += [
-        f"{file}: not found; {user} needs it: apt-get install {package}"
-        for file, package, user in libraries
-        if not _loads(file)
-    ]
-    return problems
-
-
-def _folder_problems() -> list[str]:
-    """Which folders of the user's own files cannot be used, in the words of the stages that would read them."""
-    params = validate(read_yaml(Path("params.yaml")))
-    checks: list[Callable[[], object]] = [lambda: check_folders(params)]
-    if params.meshes.source in ("folder", "modelnet40"):
-        from graspfn.selection.sources import source_of  # trimesh is slow to import
-
-        checks.append(lambda: source_of(params.meshes))
-    else:
-        checks.append(lambda: _watched("meshes.folder", params.meshes.folder))
-    if params.robot.source == "folder":
-        from graspfn.robot.read import recordings
-
-        checks.append(lambda: recordings(Path(params.robot.folder)))
-    else:
-        checks.append(lambda: _watched("robot.folder", params.robot.folder))
-    problems = []
-    for check in checks:
-        try:
-            check()
-        except ValueError as error:  # ParameterError, MeshError, RecordingError
-            problems.append(str(error))
-    return problems
-
-
-def _watched(key: str, folder: str) -> None:
-    if not Path(folder).exists():
-        raise ParameterError(f"{key}: {folder}: no such file or folder; DVC watches it even where it is not used")
-
-
-def _end_at(problems: list[str], status: int) -> None:
-    """Print problems, if there are any, and end with an exit status."""
-    for problem in problems:
-        typer.echo(problem, err=True)
-    if problems:
-        raise typer.Exit(status)
-
-
-def _loads(library: str) -> bool:
-    """Whether the dynamic linker finds a library; elsewhere than on Linux the wheels bring their own."""
-    if sys.platform != "linux":
-        return True
-    try:
-        ctypes.CDLL(library)
-    except OSError:
-        return False
-    return True
+for command in (params, check, label):
+    app.command()(command)
 
 
 def main() -> None:

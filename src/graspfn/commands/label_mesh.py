@@ -1,4 +1,4 @@
-"""`graspfn label`: settle and label one mesh of the user's own, and draw what came out (paper IV-A to IV-C)."""
+"""Settling and labelling one mesh of the user's own, and drawing what came out (paper IV-A to IV-C)."""
 
 from __future__ import annotations
 
