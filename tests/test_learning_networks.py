@@ -10,7 +10,7 @@ from safetensors.torch import load_file, save_file
 
 from graspfn.learning.networks import Classifier, build_network
 from graspfn.learning.prediction import predict
-from graspfn.learning.weights import input_kind, load_network, save_network
+from graspfn.learning.weights import WeightsError, input_kind, load_network, save_network
 from graspfn.params import AlexNet, Network
 
 PARAMS = {
@@ -149,6 +149,14 @@ def test_what_no_network_sees_is_one_line(tmp_path, text):
     (tmp_path / "config.json").write_bytes(text)
     with pytest.raises(ValueError, match=str(tmp_path)):
         input_kind(tmp_path)
+
+
+def test_a_pointer_of_git_lfs_is_told_as_one(params, tmp_path):
+    save_network(tmp_path, build_network(params), params)
+    pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1465672\n"
+    (tmp_path / "weights.safetensors").write_text(pointer)
+    with pytest.raises(WeightsError, match=r"weights.safetensors: a pointer of Git LFS.*`git lfs pull`"):
+        load_network(tmp_path)
 
 
 def spoil_config(folder):

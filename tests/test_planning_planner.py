@@ -26,9 +26,10 @@ from graspfn.imaging.render import render_depth
 from graspfn.learning.networks import build_network
 from graspfn.learning.weights import WeightsError, save_network
 from graspfn.meshes.placed import Resting
-from graspfn.params import Noise, ParameterError, Table
+from graspfn.params import Noise, Table
 from graspfn.physics.attempt import Grasper, Outcome
 from graspfn.physics.world import Rig
+from graspfn.planning.model import FEWEST_PX, FORMAT, GRID, ModelError
 from graspfn.planning.objects import meets, objects
 from graspfn.planning.planner import Grasp, GraspPlanner, Method, NoGrasp
 from graspfn.planning.uncertainty import PlanningError, PoseUncertainty
@@ -207,6 +208,7 @@ LOW, HIGH = CAMERA, CAMERA.at(straight_down(0.7))  # the second sees more of the
         (HIGH, [block(0, 0.165, size=0.08)], "the object leaves the 44 x 33 cm of the table"),
         (CAMERA.at(straight_down(0.8)), [block(0, 0)], "table: .* table.max_offset_mm takes 100"),
         (CAMERA.at(orbited(0.45, 30)), [block(0, 0)], "table: 30.0 degrees from under the camera"),
+        (CAMERA.at(straight_down(1.2)), [block(0, 0)], "camera: 1.20 m from the table 1.2 px see 2.5 mm, .* 0.95 m"),
         (LOW, [block(0, 0)], "score: no pose has one above 0"),
     ],
 )
@@ -321,17 +323,39 @@ def test_a_planner_is_loaded_from_a_networks_folder(tmp_path):
     network = build_network(params).eval()
     torch.nn.init.normal_(network.output.weight, std=0.5, generator=torch.Generator().manual_seed(0))
     notes = {name: dataclasses.asdict(getattr(PARAMS, name)) for name in ("gripper", "table", "plan")}
+    notes |= {"format": FORMAT, "grid": GRID, "camera": {"fewest_px": FEWEST_PX}}
     save_network(tmp_path, network, params, **notes)
     depth = seen(CAMERA, placed((0.03, 0.0), 0.0)[0])
     grasps = [GraspPlanner.load(tmp_path).plan(depth, CAMERA, SIGMA) for _ in range(2)]
     np.testing.assert_array_equal(grasps[0].q, grasps[1].q)
     save_network(tmp_path, network, params)
-    with pytest.raises(ParameterError, match=r"config.json: gripper"):
+    with pytest.raises(ModelError, match=r"config.json: format: missing; `graspfn model export`"):
         GraspPlanner.load(tmp_path)
     given = GraspPlanner.load(tmp_path, GRIPPER, PARAMS.table, PARAMS.plan)
     np.testing.assert_array_equal(given.plan(depth, CAMERA, SIGMA).q, grasps[0].q)
     with pytest.raises(WeightsError):
         GraspPlanner.load(tmp_path / "nothing", GRIPPER, PARAMS.table, PARAMS.plan)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"format": FORMAT + 1}, "format: is 2; this graspfn reads 1 to 1"),
+        ({"format": "new"}, "format: is 'new'"),
+        ({"grid": GRID | {"cell_m": 0.02}}, "grid: is {.*this graspfn plans on"),
+        ({"camera": {}}, "camera.fewest_px: takes a number above 0, not None"),
+        ({"camera": 3}, "camera.fewest_px"),
+        ({"gripper": {"name": "hand"}}, "gripper.joints: missing"),
+        ({"table": None}, "table: takes a mapping"),
+    ],
+)
+def test_a_model_that_does_not_fit_is_one_line(tmp_path, changes, says):
+    notes = {name: dataclasses.asdict(getattr(PARAMS, name)) for name in ("gripper", "table", "plan")}
+    notes |= {"format": FORMAT, "grid": GRID, "camera": {"fewest_px": FEWEST_PX}}
+    save_network(tmp_path, build_network(PARAMS.network["fcn"]), PARAMS.network["fcn"], **(notes | changes))
+    with pytest.raises(ValueError, match=rf"config.json: {says}") as caught:
+        GraspPlanner.load(tmp_path)
+    assert "\n" not in str(caught.value)
 
 
 def test_importing_the_planner_loads_neither_torch_nor_dvc_nor_dart():

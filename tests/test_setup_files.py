@@ -116,7 +116,7 @@ def test_check_imports_nothing_that_needs_the_libraries():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-@pytest.mark.parametrize("command", ["check", "label", "params"])
+@pytest.mark.parametrize("command", ["check", "label", "model", "params", "plan"])
 def test_a_command_loads_nothing_of_another(command):
     code = f"import sys, graspfn.commands.{command}; print(*sys.modules)"
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -9,7 +9,9 @@ import typer
 
 from graspfn.commands.check import check
 from graspfn.commands.label import label
+from graspfn.commands.model import model
 from graspfn.commands.params import params
+from graspfn.commands.plan import plan
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
 
@@ -29,8 +31,9 @@ def _options(
     """Parameters, checks, the labels of one mesh, grasps for depth images; `dvc repro` runs the workflow."""
 
 
-for command in (params, check, label):
+for command in (params, check, label, plan):
     app.command()(command)
+app.add_typer(model, name="model")
 
 
 def main() -> None:

@@ -490,10 +490,10 @@ def _check_camera(camera: Camera, key: str) -> None:
     if len(camera.distortion or (0,) * 4) not in (4, 5, 8):
         raise ParameterError(f"{key}.distortion: takes 4, 5 or 8 numbers: k1, k2, p1, p2, then k3, then k4, k5, k6")
     if camera.pose is not None:
-        _check_pose(camera.pose, f"{key}.pose")
+        check_pose(camera.pose, f"{key}.pose")
 
 
-def _check_pose(pose: tuple[float, ...], key: str) -> None:
+def check_pose(pose: tuple[float, ...], key: str) -> None:
     """The pose of a camera must be a pose, and the camera over the table."""
     if len(pose) != 16:
         raise ParameterError(f"{key}: has {len(pose)} numbers; it takes the 16 of T_world_camera, row by row")

@@ -6,7 +6,11 @@ from collections.abc import Iterable
 
 import typer
 
-BAD_INPUT = 2
+BAD_INPUT, NO_GRASP = 2, 3
+
+
+class InputError(ValueError):
+    """What was given cannot be used: one line that names the file and the option, and says what they take."""
 
 
 def end_at(problems: Iterable[str], status: int) -> None:

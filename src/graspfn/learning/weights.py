@@ -13,6 +13,8 @@ from safetensors.torch import load_file, save_file
 from graspfn.learning.networks import GraspNetwork, build_network
 from graspfn.params import Network, build
 
+POINTER = b"version https://git-lfs"  # how Git LFS begins what it leaves in a file's place
+
 
 class WeightsError(ValueError):
     """A folder that holds no network of ours."""
@@ -64,6 +66,9 @@ def load_network(folder: Path) -> GraspNetwork:
     params = read_network(folder)
     path = folder / "weights.safetensors"
     try:
+        with path.open("rb") as file:
+            if file.read(len(POINTER)) == POINTER:
+                raise WeightsError(f"{path}: a pointer of Git LFS, not the weights; `git lfs pull` fetches them")
         state = load_file(path)
         network = build_network(params)
         network.load_state_dict(state)

@@ -17,13 +17,14 @@ import numpy as np
 
 from graspfn.geometry.transforms import T_world_grasp, apply, rotation_z, translation
 from graspfn.imaging.camera import Camera
-from graspfn.imaging.height_map import HeightMap, height_map
+from graspfn.imaging.height_map import CELL_M, HeightMap, height_map
 from graspfn.imaging.holes import check_image, fill_holes
 from graspfn.imaging.network_input import check_papers, depth_input, height_map_input
 from graspfn.imaging.table import TableError, TableFit, fit_table
 from graspfn.params import Gripper, Plan, Table, build
 from graspfn.planning.centroid import centroid_grasp, object_mask
 from graspfn.planning.methods import best_grasp
+from graspfn.planning.model import FEWEST_PX, check_model
 from graspfn.planning.objects import meets, whole_object
 from graspfn.planning.robust import RobustFunction
 from graspfn.planning.uncertainty import PlanningError, PoseUncertainty
@@ -84,7 +85,7 @@ class GraspPlanner:
     """Plans on depth images. It holds nothing that changes: the same image gives the same grasp, from any thread.
 
     input: `network.*.input` of the network behind `predict`. gripper, table, refinement: as gripper, table and plan in
-    params.yaml.
+    params.yaml. fewest_px: a side that have to see a cell of the height map, for an image like those of training.
     """
 
     predict: Predictor
@@ -92,24 +93,28 @@ class GraspPlanner:
     gripper: Gripper
     table: Table
     refinement: Plan
+    fewest_px: float = FEWEST_PX
 
     @classmethod
     def load(
         cls, model: Path, gripper: Gripper | None = None, table: Table | None = None, plan: Plan | None = None
     ) -> GraspPlanner:
-        """With the network in a folder, and what its config.json says of the rest unless it is given here.
+        """With the network in a model's folder, and what its config.json says of the rest unless it is given here.
 
-        WeightsError or ParameterError, in one line that names the file, where the folder is none.
+        A folder of data/networks will do where gripper, table and plan are given. WeightsError, ModelError or
+        ParameterError, in one line that names the file, where the folder is none.
         """
         from graspfn.learning.prediction import OneByOne  # torch takes a second to load
         from graspfn.learning.weights import input_kind, load_network, read_config
 
         config = read_config(model)
-
-        gripper = gripper or build(Gripper, config.get("gripper", {}), f"{model}/config.json: gripper")
-        table = table or build(Table, config.get("table", {}), f"{model}/config.json: table")
-        plan = plan or build(Plan, config.get("plan", {}), f"{model}/config.json: plan")
-        return cls(OneByOne(load_network(model)), input_kind(model), gripper, table, plan)
+        if "format" in config or gripper is None or table is None or plan is None:
+            check_model(config, model)
+        gripper = gripper or build(Gripper, config.get("gripper"), f"{model}/config.json: gripper")
+        table = table or build(Table, config.get("table"), f"{model}/config.json: table")
+        plan = plan or build(Plan, config.get("plan"), f"{model}/config.json: plan")
+        fewest_px = config.get("camera", {}).get("fewest_px", FEWEST_PX)
+        return cls(OneByOne(load_network(model)), input_kind(model), gripper, table, plan, fewest_px)
 
     def plan(
         self,
@@ -141,6 +146,8 @@ class GraspPlanner:
             camera, fit = self._stand(depth, camera, posed)
         except TableError as error:
             return NoGrasp(str(error))
+        if why := self._too_coarse(camera):
+            return NoGrasp(why, fit)
         shown = depth if view is None else np.where(view, depth, camera.bare_table()).astype(np.float32)
         seen = height_map(shown, camera)
         if why := whole_object(seen, shown, camera, view):
@@ -184,6 +191,16 @@ class GraspPlanner:
             limits = dataclasses.replace(self.table, max_offset_mm=np.inf)
             fit = _over_the_axis(fit_table(depth, camera, limits))
         return camera.at(fit.T_world_camera), fit
+
+    def _too_coarse(self, camera: Camera) -> str:
+        px = min(camera.K[:2]) * CELL_M / camera.table_depth
+        if px >= self.fewest_px:
+            return ""
+        nearest = camera.table_depth * px / self.fewest_px
+        return (
+            f"camera: {camera.table_depth:.2f} m from the table {px:.2g} px see {1000 * CELL_M:g} mm, where the "
+            f"network takes {self.fewest_px:g}; that is from {nearest:.2f} m and nearer"
+        )
 
     def _function(self, depth: np.ndarray, seen: HeightMap, camera: Camera) -> np.ndarray:
         """(33, 44, 6) float64: the network's scores where the gripper meets the object, 0 elsewhere."""
@@ -252,10 +269,15 @@ def _product(T_robot_gripper: np.ndarray | None, T_gripper_camera: np.ndarray | 
     for name, T in given.items():
         if T is None:
             raise PlanningError(f"{name}: missing; it takes both frames or neither")
-        matrix = np.asarray(T, dtype=float)
-        rigid = matrix.shape == (4, 4) and np.allclose(matrix[3], [0, 0, 0, 1])
-        turn = matrix[:3, :3] if rigid else np.zeros((3, 3))
-        if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-4) or np.linalg.det(turn) < 0:
-            raise PlanningError(f"{name}: takes a rigid transform, 4 x 4")
-        product = product @ matrix
+        product = product @ check_rigid(T, name)
     return product
+
+
+def check_rigid(T: np.ndarray, name: str) -> np.ndarray:
+    """(4, 4) float64, if T is a rigid transform; PlanningError if it is none."""
+    matrix = np.asarray(T, dtype=float)
+    rigid = matrix.shape == (4, 4) and np.allclose(matrix[3], [0, 0, 0, 1])
+    turn = matrix[:3, :3] if rigid else np.zeros((3, 3))
+    if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-4) or np.linalg.det(turn) < 0:
+        raise PlanningError(f"{name}: takes a rigid transform, 4 x 4")
+    return matrix

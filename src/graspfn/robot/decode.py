@@ -11,6 +11,7 @@ from graspfn.robot.messages import MOST_MM
 from graspfn.robot.trial import FRAME, RecordingError
 
 PIXELS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}  # mono16: how some drivers name 16UC1
+LENSES = ("", "none", "plumb_bob", "rational_polynomial")  # others mean something else by the same numbers
 REACH_M = 5.0  # farther from the image centre no arm over the table reaches: another unit
 
 
@@ -65,6 +66,10 @@ def distortion(info: Any) -> tuple[float, ...]:
     values = tuple(float(value) for value in info.d)
     if not any(values):
         return ()
+    if info.distortion_model.lower() not in LENSES:
+        raise RecordingError(
+            f"distortion_model {info.distortion_model!r}; it takes plumb_bob, rational_polynomial, or rectified images"
+        )
     if len(values) not in (4, 5, 8) or not np.isfinite(values).all():
         raise RecordingError(f"distortion {values}; it takes 4, 5 or 8 numbers, of plumb_bob or rational_polynomial")
     return values

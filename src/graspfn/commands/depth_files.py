@@ -1,0 +1,103 @@
+"""Depth images as people have them: .png, .tiff, .npy, organised .pcd, and topics of .mcap recordings."""
+
+from __future__ import annotations
+
+import enum
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, UnidentifiedImageError
+
+from graspfn.commands.ending import InputError
+from graspfn.imaging.camera import Camera
+from graspfn.imaging.holes import holes
+
+SUFFIXES = (".png", ".tif", ".tiff", ".npy", ".pcd", ".mcap")
+# Between an arm's camera at its lowest and one under the ceiling. Half of an image's depths lie beyond its median.
+NEAREST_M, FURTHEST_M = 0.1, 3.0
+
+
+class Unit(enum.StrEnum):
+    """Of the numbers in a depth image."""
+
+    MM = "mm"
+    TENTH_MM = "0.1mm"
+    M = "m"
+
+    @property
+    def metres(self) -> float:
+        return {"mm": 1e-3, "0.1mm": 1e-4, "m": 1.0}[self.value]
+
+
+def read_depth(path: Path, unit: Unit | None, topic: str | None) -> tuple[np.ndarray, Camera | None]:
+    """(height, width) float32, metres, NaN where nothing was measured; and the camera, where the file has one.
+
+    unit: None takes whole numbers for millimetres, others for metres. InputError names the file, and the option.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InputError(f"{path}: takes a depth image: {' '.join(SUFFIXES)}")
+    if topic is not None and suffix != ".mcap":
+        raise InputError(f"--topic {topic}: {path} has no topics; it takes an .mcap recording")
+    if unit is not None and suffix in (".pcd", ".mcap"):
+        raise InputError(f"--depth-unit {unit}: {path} says itself what its unit is; leave the option out")
+    used = None
+    try:
+        if suffix == ".mcap":
+            from graspfn.commands.mcap_images import read_topic
+
+            depth, camera = read_topic(path, topic)
+        elif suffix == ".pcd":
+            from graspfn.commands.organised_clouds import read_cloud
+
+            depth, camera = read_cloud(path)
+        else:
+            pixels = _pixels(path)
+            used = unit or (Unit.MM if pixels.dtype.kind in "iu" else Unit.M)
+            depth, camera = _in_metres(pixels, used), None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    depth = np.where(holes(depth, None), np.float32(np.nan), depth).astype(np.float32)
+    _question(depth, path, used)
+    return depth, camera
+
+
+def _pixels(path: Path) -> np.ndarray:
+    try:
+        if path.suffix.lower() == ".npy":
+            pixels = np.load(path, allow_pickle=False)
+        else:
+            with Image.open(path) as image:
+                pixels = np.asarray(image)
+    except (UnidentifiedImageError, ValueError, EOFError, SyntaxError) as error:
+        raise InputError(f"{path}: cannot be read as {path.suffix}: {' '.join(str(error).split())}") from None
+    if pixels.ndim != 2 or 0 in pixels.shape:
+        raise InputError(f"{path}: has the shape {pixels.shape}; it takes one depth per pixel, (height, width)")
+    if pixels.dtype.kind not in "fiu" or pixels.dtype.itemsize == 1:
+        raise InputError(f"{path}: is of {pixels.dtype}; it takes depths of 16 bits or floating-point numbers")
+    return pixels
+
+
+def _in_metres(pixels: np.ndarray, unit: Unit) -> np.ndarray:
+    if pixels.dtype.kind == "f":
+        return pixels * unit.metres
+    nothing = pixels == np.iinfo(pixels.dtype).max  # a code for no measurement, as 0 is
+    return np.where(nothing, np.nan, pixels * unit.metres)
+
+
+def _question(depth: np.ndarray, path: Path, used: Unit | None) -> None:
+    """InputError where the depths are none of a table under a camera, with the unit that would make them so.
+
+    used: the unit that was taken, None where the file has its own.
+    """
+    measured = depth[np.isfinite(depth)]
+    if not len(measured):
+        raise InputError(f"{path}: no pixel holds a depth; it takes at least one")
+    middle = float(np.median(measured))
+    if NEAREST_M <= middle <= FURTHEST_M:
+        return
+    others = {unit: middle * unit.metres / used.metres for unit in Unit} if used else {}
+    likely = [f"--depth-unit {unit} makes it {m:.3g}" for unit, m in others.items() if NEAREST_M <= m <= FURTHEST_M]
+    taken = f"--depth-unit {used}" if used else "its own unit"
+    hint = f"; {', '.join(likely)}" if likely else ""
+    raise InputError(f"{path}: {taken} has the middle of its depths at {middle:.3g} m, where no table is{hint}")

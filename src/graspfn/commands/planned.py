@@ -1,0 +1,235 @@
+"""What `graspfn plan` does: options to what they stand for, then image by image to a grasp or the reason for none."""
+
+from __future__ import annotations
+
+import enum
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+import typer
+from PIL import Image, UnidentifiedImageError
+
+from graspfn.commands.answers import answer, in_words
+from graspfn.commands.camera_files import read_camera, read_matrix, read_transform
+from graspfn.commands.depth_files import Unit, read_depth
+from graspfn.commands.ending import BAD_INPUT, NO_GRASP, InputError
+from graspfn.imaging.camera import Camera
+from graspfn.imaging.holes import DepthError
+from graspfn.params import ParameterError, check_pose
+from graspfn.planning.planner import Grasp, GraspPlanner, Method, NoGrasp
+from graspfn.planning.uncertainty import PlanningError, PoseUncertainty
+
+Choice = TypeVar("Choice", bound=enum.StrEnum)
+CameraOf = Callable[[Path, tuple[int, int], Camera | None], Camera]
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """The options, read and checked; `camera` finds that of an image file, its shape and the camera it came with."""
+
+    model: tuple[Path, GraspPlanner]
+    camera: CameraOf
+    unit: Unit | None
+    topic: str | None
+    T_world_camera: np.ndarray | None
+    uncertainty: PoseUncertainty
+    method: Method
+    roi: tuple[int, int, int, int] | None
+    mask: np.ndarray | None
+    frames: dict[str, np.ndarray]
+    min_score: float
+    figure: Callable[[Path], Path] | None
+
+
+def plan_all(images: list[Path], request: Request, as_json: bool) -> int:
+    """Answers every image, whatever is wrong with others; the exit status is that of the worst."""
+    folder, planner = request.model
+    status = 0
+    for path in images:
+        try:
+            depth, found = _plan(path, request)
+            told = answer(str(path), found, str(folder))
+            if request.figure:
+                _draw(request.figure(path), path, depth, found, planner.gripper.opening_mm)
+        except InputError as error:
+            typer.echo(str(error), err=True)
+            told, status = {"image": str(path), "error": str(error)}, BAD_INPUT
+        else:
+            status = max(status, NO_GRASP if isinstance(found, NoGrasp) else 0, key=[0, NO_GRASP, BAD_INPUT].index)
+        if as_json:
+            typer.echo(json.dumps(told))
+        elif "error" not in told:
+            typer.echo(in_words(told))
+    return status
+
+
+def _plan(path: Path, request: Request) -> tuple[np.ndarray, Grasp | NoGrasp]:
+    depth, own = read_depth(path, request.unit, request.topic)
+    camera = request.camera(path, depth.shape, own)
+    if request.T_world_camera is not None:
+        camera = camera.at(request.T_world_camera)
+    try:
+        found = request.model[1].plan(
+            depth,
+            camera,
+            request.uncertainty,
+            request.method,
+            posed=request.T_world_camera is not None,
+            roi=request.roi,
+            mask=request.mask,
+            min_score=request.min_score,
+            **request.frames,
+        )
+    except (DepthError, PlanningError) as error:
+        option = "--" if str(error).startswith(("roi:", "mask:", "camera:")) else ""
+        raise InputError(f"{path}: {option}{error}") from None
+    return depth, found
+
+
+def _draw(out: Path, path: Path, depth: np.ndarray, found: Grasp | NoGrasp, opening_mm: float) -> None:
+    from graspfn.reporting.figures.planned_grasp import draw_planned_grasp  # matplotlib is slow to import
+    from graspfn.reporting.figures.style import png_bytes
+
+    try:
+        out.write_bytes(png_bytes(draw_planned_grasp(depth, found, opening_mm, path.name)))
+    except OSError as error:
+        raise InputError(f"--figure {out}: cannot be written: {error.strerror}") from None
+
+
+def checked_model(folder: Path | None) -> tuple[Path, GraspPlanner]:
+    if folder is None:
+        raise InputError("--model: missing; it takes a folder that `graspfn model export` has written")
+    try:
+        return folder, GraspPlanner.load(folder)
+    except ValueError as error:  # ModelError, WeightsError, ParameterError
+        raise InputError(f"--model {folder}: {error}") from None
+
+
+def camera_of(file: Path | None, numbers: dict[str, float | None]) -> CameraOf:
+    """--camera, or --fx --fy --cx --cy, or the camera that the image's file has."""
+    given = {name: value for name, value in numbers.items() if value is not None}
+    if file is not None and given:
+        raise InputError(f"{next(iter(given))}: takes no --camera beside it")
+    if given and (missing := [name for name in numbers if name not in given]):
+        raise InputError(f"{missing[0]}: missing; it takes all of {' '.join(numbers)}")
+    for name, value in given.items():
+        if not math.isfinite(value) or (name in ("--fx", "--fy") and value <= 0):
+            raise InputError(f"{name} {value:g}: takes pixels; a focal length is above 0")
+
+    def of(path: Path, shape: tuple[int, int], own: Camera | None) -> Camera:
+        if file is not None:
+            return read_camera(file, shape)
+        if given:
+            fx, fy, cx, cy = given.values()
+            return Camera(shape[1], shape[0], (fx, fy, cx, cy))
+        if own is None:
+            raise InputError(f"{path}: --camera: missing, and the file says of none; or --fx --fy --cx --cy")
+        return own
+
+    return of
+
+
+def unit_of(text: str | None) -> Unit | None:
+    return None if text is None else _choice("--depth-unit", text, Unit)
+
+
+def method_of(text: str) -> Method:
+    return _choice("--method", text, Method)
+
+
+def _choice(option: str, text: str, kind: type[Choice]) -> Choice:
+    try:
+        return kind(text)
+    except ValueError:
+        raise InputError(f"{option} {text}: takes one of {', '.join(kind)}") from None
+
+
+def pose_of(file: Path | None) -> np.ndarray | None:
+    if file is None:
+        return None
+    T = read_transform(file, "--camera-pose")
+    try:
+        check_pose(tuple(T.ravel().tolist()), f"--camera-pose {file}")
+    except ParameterError as error:
+        raise InputError(str(error)) from None
+    return T
+
+
+def uncertainty_of(uv_mm: float | None, theta_deg: float | None, file: Path | None, needed: bool) -> PoseUncertainty:
+    given = {"--sigma-uv-mm": uv_mm, "--sigma-theta-deg": theta_deg}
+    if file is not None:
+        if any(value is not None for value in given.values()):
+            raise InputError(f"--covariance {file}: takes no --sigma-uv-mm and --sigma-theta-deg beside it")
+        matrix = read_matrix(file, "--covariance", 3)
+        try:
+            return PoseUncertainty(matrix)
+        except PlanningError as error:
+            raise InputError(f"--covariance {file}: {error}") from None
+    if not needed and uv_mm is None and theta_deg is None:
+        return PoseUncertainty((0.0, 0.0))
+    for name, value in given.items():
+        if value is None:
+            raise InputError(f"{name}: missing; it takes the gripper's errors (docs/planning.md), or --covariance")
+        if not 0 <= value < math.inf:
+            raise InputError(f"{name} {value:g}: takes a finite number of at least 0")
+    assert uv_mm is not None and theta_deg is not None
+    return PoseUncertainty.of(uv_mm, theta_deg)
+
+
+def roi_of(text: str | None) -> tuple[int, int, int, int] | None:
+    if text is None:
+        return None
+    try:
+        x, y, width, height = (int(word) for word in text.split(","))
+    except ValueError:
+        raise InputError(f"--roi {text}: takes four whole numbers X,Y,W,H, px") from None
+    return x, y, width, height
+
+
+def mask_of(file: Path | None) -> np.ndarray | None:
+    """(height, width) bool."""
+    if file is None:
+        return None
+    try:
+        with Image.open(file) as image:
+            mask = np.asarray(image)
+    except UnidentifiedImageError:
+        raise InputError(f"--mask {file}: takes an image") from None
+    except OSError as error:
+        raise InputError(f"--mask {file}: cannot be read: {error.strerror or error}") from None
+    if mask.ndim != 2:
+        raise InputError(f"--mask {file}: has the shape {mask.shape}; it takes one channel")
+    return mask != 0
+
+
+def frames_of(robot_from_gripper: Path | None, gripper_from_camera: Path | None) -> dict[str, np.ndarray]:
+    options = {"--robot-from-gripper": robot_from_gripper, "--gripper-from-camera": gripper_from_camera}
+    given = {option: file for option, file in options.items() if file is not None}
+    if not given:
+        return {}
+    for option in options:
+        if option not in given:
+            raise InputError(f"{option}: missing; it takes both frames or neither")
+    T_robot_gripper, T_gripper_camera = (read_transform(file, option) for option, file in given.items())
+    return {"T_robot_gripper": T_robot_gripper, "T_gripper_camera": T_gripper_camera}
+
+
+def share(option: str, value: float) -> float:
+    if not 0 <= value <= 1:
+        raise InputError(f"{option} {value:g}: takes a number from 0 to 1")
+    return value
+
+
+def figure_of(out: Path | None, images: list[Path]) -> Callable[[Path], Path] | None:
+    if out is None:
+        return None
+    if out.suffix.lower() != ".png":
+        raise InputError(f"--figure {out}: takes a name that ends in .png")
+    if not out.parent.is_dir():
+        raise InputError(f"--figure {out}: no folder {out.parent}")
+    return lambda path: out if len(images) == 1 else out.with_stem(f"{out.stem}-{path.stem}")
