@@ -112,6 +112,19 @@ def test_networks_follow_the_chosen_ones(choice, names):
     assert set(values["network"]) == set(names)
 
 
+@pytest.mark.parametrize(
+    "change", ["camera=realsense_d435", "camera=azure_kinect", "camera.height_mm=420", "camera.cx_px=300"]
+)
+def test_networks_that_see_depth_images_take_the_papers_camera(change):
+    validate(composed("camera=ideal"))
+    with pytest.raises(
+        ParameterError, match=r"network.alexnet.input: depth takes the paper's camera.*leave alexnet out"
+    ):
+        validate(composed(change))
+    validate(composed(change, "networks=[fcn]"))
+    validate(composed(change, "network.alexnet.input=height_map"))
+
+
 def test_network_files_are_named_after_their_architecture():
     assert all(name == entry["architecture"] for name, entry in composed()["network"].items())
 
