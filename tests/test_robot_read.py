@@ -177,6 +177,13 @@ def test_the_camera_matrix_is_of_the_image_and_not_of_the_whole_sensor(tmp_path)
     np.testing.assert_allclose(seen[:2], (sensor[:2] - [100, 60]) / [3, 2])
 
 
+def test_a_lens_of_another_model_is_not_taken_for_ours(tmp_path):
+    """Its four numbers would be read as others."""
+    info = {"d": [0.1, 0.01, 0.0, 0.0], "distortion_model": "equidistant"}
+    with pytest.raises(RecordingError, match=r"camera/info: distortion_model 'equidistant'; it takes plumb_bob"):
+        read_trial(others(tmp_path / "a.mcap", info=info), TOPICS)
+
+
 def test_images_that_cannot_be_depth_are_refused():
     good = image(np.ones((4, 4)), "16UC1", False, 0)
     for change in ({"encoding": "rgb8"}, {"step": 7}, {"data": good.data[:-1]}, {"height": 5}):
