@@ -16,22 +16,19 @@ from graspfn.imaging.noise import observe
 from graspfn.imaging.table import TableError, fit_table
 from graspfn.meshes.placed import load_resting, read_resting, resting_rows
 from graspfn.meshes.store import read_manifest
-from graspfn.params import Table
 from graspfn.physics.world import Rig
 from graspfn.reporting.figures.depth_images import ExecutedGrasp
 from graspfn.reporting.film import Film, film_best_grasp, film_failure
 from graspfn.reporting.parameters import Parameter, flat_parameters
 from graspfn.reporting.plans import graspable_objects, plans_of
 from graspfn.reporting.sizes import widths
-from graspfn.robot.read import read_trial
+from graspfn.robot.read import ANY_TABLE, read_trial
 from graspfn.robot.trial import TrialRecording
 from graspfn.seeds import generator
 from graspfn.workflow.files import read_npz
 
 SPLITS = ("train", "test")
 SHOWN_TEST, SHOWN_GRASPS, SHOWN_FILMS = 4, 8, 10
-# What a recorded image may be drawn over: any table that a camera from above sees.
-ANY_TABLE = Table(fit=True, max_tilt_deg=20, min_inliers=0.05, max_rms_mm=20, max_offset_mm=1e4)
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,6 +57,21 @@ SCHEMAS = {
         builtin_interfaces__Time=_TIME,
     ),
     "std_msgs/msg/Bool": "bool data\n",
+    "sensor_msgs/msg/CompressedImage": _schema(
+        "std_msgs/Header header\nstring format\nuint8[] data\n",
+        std_msgs__Header=_HEADER,
+        builtin_interfaces__Time=_TIME,
+    ),
+    "tf2_msgs/msg/TFMessage": _schema(
+        "geometry_msgs/TransformStamped[] transforms\n",
+        geometry_msgs__TransformStamped="std_msgs/Header header\nstring child_frame_id\n"
+        "geometry_msgs/Transform transform\n",
+        std_msgs__Header=_HEADER,
+        builtin_interfaces__Time=_TIME,
+        geometry_msgs__Transform="geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n",
+        geometry_msgs__Vector3=_POINT,
+        geometry_msgs__Quaternion=_QUATERNION,
+    ),
 }
 
 

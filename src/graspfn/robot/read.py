@@ -1,119 +1,59 @@
-"""Reading one trial from an MCAP file, written by the simulated robot or by any other that records ROS 2 messages.
+"""Reading one trial from a bag, recorded by the simulated robot or by any other that speaks ROS 2.
 
-A recording holds one trial: exactly one message on the topics of the commanded pose, the achieved pose and the
-outcome; at least one depth image before the command (the last of them is the one planned on) and its CameraInfo;
-joint states are read where there are any. Poses are in the frame `table` (`trial.FRAME`); their x axis is the
-direction in which the jaws close, so a gripper frame whose z points down does as well. The metadata record
-`graspfn.trial` (`trial.METADATA_KEYS`) says what was tried. Where the method found no grasp, it says so
-(`trial.PLANNED`), and the recording has neither pose: its image is the last one before the outcome.
+A bag holds one trial: the depth image that was planned on (the last before the command) and its CameraInfo, the
+commanded pose, where the gripper was as its fingers began to close, and whether the object was held. docs/recordings.md
+says where each may come from. Poses are in the frame `table` (`trial.FRAME`), or in one that TF connects with it. What
+is odd is said in `TrialRecording.flags`; what keeps a reached pose from being a measurement, in `doubts`.
 """
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
-from mcap.reader import SeekingReader
-from mcap.records import Channel, Message, Schema
+from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 
-from graspfn.params import Topics
-from graspfn.robot import decode
+from graspfn.imaging.camera import Camera
+from graspfn.imaging.table import TableError, fit_table
+from graspfn.params import Arm, Table, Topics
+from graspfn.robot import decode, plausible
+from graspfn.robot.bag import Bag, is_bag, open_bag
+from graspfn.robot.closing import closing_s
+from graspfn.robot.described import TABLE, description
+from graspfn.robot.mcap_file import Raw
+from graspfn.robot.messages import SCHEMAS
+from graspfn.robot.target import DOWN, target_in_image
+from graspfn.robot.tf import Frames, rigid, stamp_ns
 from graspfn.robot.trial import (
-    METADATA,
-    METADATA_KEYS,
+    FRAME,
     PLANNED,
     Condition,
     RecordingError,
     TrialRecording,
+    pose_of,
     was_planned,
 )
 
-
-@dataclass(frozen=True)
-class Stamped:
-    """A decoded message and when it was logged."""
-
-    time_ns: int
-    message: Any
-
-
-MAGIC = b"\x89MCAP0\r\n"  # first and last bytes of a finished MCAP file
-
-
-def _open(stream: IO[bytes]) -> SeekingReader:
-    if stream.read(len(MAGIC)) != MAGIC:
-        raise RecordingError("not an MCAP file")
-    size = stream.seek(0, os.SEEK_END)
-    stream.seek(max(0, size - len(MAGIC)))
-    if size < 2 * len(MAGIC) or stream.read() != MAGIC:
-        raise RecordingError("cut short: the recording was not finished, or not copied whole")
-    stream.seek(0)
-    # No record can be longer than the file: a damaged length must not allocate gigabytes.
-    return SeekingReader(stream, validate_crcs=True, record_size_limit=size)
-
-
-def _metadata(reader: SeekingReader) -> dict[str, str]:
-    for record in reader.iter_metadata():
-        if record.name == METADATA:
-            return dict(record.metadata)
-    needed = "; ".join(f"{key}: {meaning}" for key, meaning in METADATA_KEYS.items())
-    raise RecordingError(f"no metadata record {METADATA!r}, which takes the keys {needed}")
-
-
-def _decoded(item: tuple[Schema | None, Channel, Message], factory: DecoderFactory, kind: str) -> Stamped:
-    """One message as its fields; `kind` is the type that its topic takes."""
-    schema, channel, message = item
-    name = schema.name if schema else "no type"
-    if name != kind:
-        raise RecordingError(f"topic {channel.topic} carries {name}; it takes {kind}")
-    decoder = factory.decoder_for(channel.message_encoding, schema)
-    if decoder is None:
-        raise RecordingError(f"topic {channel.topic} is not encoded as ROS 2 messages (cdr, ros2msg)")
-    return Stamped(message.log_time, decoder(message.data))
-
-
-def messages_of_trial(reader: SeekingReader, topics: Topics, planned: bool = True) -> dict[str, list[Stamped]]:
-    """The messages of each topic (keys as in `params.Topics`) in order of time; of camera topics only the last before
-    the command, so that a recorded video does not fill the memory. planned: whether there was a grasp to command."""
-    kinds = {
-        "depth": "sensor_msgs/msg/Image",
-        "camera_info": "sensor_msgs/msg/CameraInfo",
-        "commanded": "geometry_msgs/msg/PoseStamped",
-        "achieved": "geometry_msgs/msg/PoseStamped",
-        "joints": "sensor_msgs/msg/JointState",
-        "outcome": "std_msgs/msg/Bool",
-    }
-    last = "commanded" if planned else "outcome"
-    key_of = {getattr(topics, key): key for key in kinds}
-    found: dict[str, list[Any]] = {key: [] for key in kinds}
-    for item in reader.iter_messages(topics=list(key_of)):
-        key = key_of[item[1].topic]
-        if key not in ("depth", "camera_info"):
-            found[key].append(item)
-        elif not found[last]:
-            found[key] = [item]
-    for key in ("commanded", "achieved", "outcome"):
-        if planned or key == "outcome":
-            if len(found[key]) != 1:
-                raise RecordingError(f"{_count(found[key])} on topic {getattr(topics, key)}; a trial has exactly one")
-        elif found[key]:
-            raise RecordingError(f"{_count(found[key])} on topic {getattr(topics, key)}, but metadata {PLANNED}: false")
-    for key in ("camera_info", "depth"):
-        if not found[key]:
-            before = "commanded pose" if planned else "outcome"
-            raise RecordingError(f"no message on topic {getattr(topics, key)} before the {before}")
-    factory = DecoderFactory()
-    return {key: [_decoded(item, factory, kinds[key]) for item in items] for key, items in found.items()}
-
-
-def _count(items: list[Any]) -> str:
-    return "no message" if not items else "1 message" if len(items) == 1 else f"{len(items)} messages"
+KINDS = {
+    "depth": ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"),
+    "camera_info": ("sensor_msgs/msg/CameraInfo",),
+    "commanded": ("geometry_msgs/msg/PoseStamped",),
+    "achieved": ("geometry_msgs/msg/PoseStamped",),
+    "joints": ("sensor_msgs/msg/JointState",),
+    "outcome": ("std_msgs/msg/Bool",),
+    "tf": ("tf2_msgs/msg/TFMessage",),
+    "tf_static": ("tf2_msgs/msg/TFMessage",),
+}
+LAZY = ("depth", "gripper")  # left in the file; of the gripper's commands only the times are of use
+ARM = Arm("topic", FRAME, "up", "base_link", "gripper", "x", None, 1, None)  # whose poses are all in the frame `table`
+# What a recorded image may be drawn over: any table that a camera from above sees.
+ANY_TABLE = Table(fit=True, max_tilt_deg=20, min_inliers=0.05, max_rms_mm=20, max_offset_mm=1e4)
 
 
 @contextmanager
@@ -125,44 +65,257 @@ def _naming(topic: str) -> Iterator[None]:
         raise RecordingError(f"topic {topic}: {error}") from None
 
 
-def _pose(found: list[Stamped], topic: str) -> np.ndarray | None:
-    with _naming(topic):
-        return decode.pose(found[0].message) if found else None
+def _count(items: list[Any]) -> str:
+    return "no message" if not items else "1 message" if len(items) == 1 else f"{len(items)} messages"
 
 
-def _trial(reader: SeekingReader, topics: Topics) -> TrialRecording:
-    metadata = _metadata(reader)
-    condition, planned = Condition.from_metadata(metadata), was_planned(metadata)
-    found = messages_of_trial(reader, topics, planned)
-    start = found["commanded" if planned else "outcome"][0].time_ns
-    names, time_s, positions = decode.joints([(item.time_ns, item.message) for item in found["joints"]], start)
-    with _naming(topics.depth):
-        depth = decode.depth(found["depth"][0].message)
-    with _naming(topics.camera_info):
-        info = found["camera_info"][0].message
-        camera_matrix, distortion = decode.camera_matrix(info, depth.shape), decode.distortion(info)
-    success = bool(found["outcome"][0].message.data)
-    if success and not planned:
-        raise RecordingError(f"topic {topics.outcome}: a success, but metadata {PLANNED}: false")
-    return TrialRecording(
-        condition=condition,
-        depth=depth,
-        camera_matrix=camera_matrix,
-        commanded=_pose(found["commanded"], topics.commanded),
-        achieved=_pose(found["achieved"], topics.achieved),
-        joint_names=names,
-        joint_time_s=time_s,
-        joint_positions=positions,
-        success=success,
-        distortion=distortion,
-    )
+@dataclass
+class _Trial:
+    """What is found out of one bag, step by step. said: what the trial was."""
+
+    bag: Bag
+    topics: Topics
+    arm: Arm
+    said: Mapping[str, str]
+
+    def __post_init__(self) -> None:
+        self._factory = DecoderFactory()
+        self._schemas: dict[Any, Schema] = {}
+        self.planned = was_planned(self.said)
+        self.flags, self.doubts = list(self.bag.flags), list[str]()
+
+    def raw(self, key: str) -> list[Raw]:
+        topic = getattr(self.topics, key)
+        return [] if topic is None else self.bag.found[topic]
+
+    def decode(self, key: str, raw: Raw) -> Any:
+        """A message as its fields."""
+        topic, kinds = raw.topic, KINDS[key]
+        if topic.kind not in kinds:
+            raise RecordingError(f"topic {topic.name} carries {topic.kind}; it takes {' or '.join(kinds)}")
+        if topic.encoding != "cdr":
+            raise RecordingError(f"topic {topic.name} is encoded as {topic.encoding!r}; it takes cdr, as ROS 2 writes")
+        # A bag of an old recorder, or with definitions in another language, has none of use: the type's name tells.
+        text = topic.definition or SCHEMAS[topic.kind].encode()
+        schema = self._schemas.setdefault(topic, Schema(len(self._schemas) + 1, text, "ros2msg", topic.kind))
+        decoder = self._factory.decoder_for("cdr", schema)
+        assert decoder is not None
+        return decoder(self.bag.data(raw))
+
+    @cached_property
+    def commanded_message(self) -> Any:
+        """With when it was logged; None where columns have the pose, or there was none to command."""
+        found = self.raw("commanded")
+        if not self.planned and found:
+            raise RecordingError(f"{_count(found)} on topic {self.topics.commanded}, but {PLANNED}: false")
+        if not self.planned or (not found and pose_of(self.said) is not None):
+            return None
+        if len(found) != 1:
+            raise RecordingError(f"{_count(found)} on topic {self.topics.commanded}; a trial has exactly one")
+        return found[0].time_ns, self.decode("commanded", found[0])
+
+    @cached_property
+    def start_ns(self) -> int | None:
+        """When the pose was commanded, or failing that the trial ended; None where nothing says."""
+        if self.commanded_message:
+            return int(self.commanded_message[0])
+        return self.raw("outcome")[0].time_ns if self.raw("outcome") else None
+
+    @cached_property
+    def success(self) -> bool:
+        verdict, found = self.said.get("verdict"), self.raw("outcome")
+        if verdict is None and not found:
+            raise RecordingError(f"no message on topic {self.topics.outcome}, and no verdict in what the trial was")
+        pressed = [bool(self.decode("outcome", raw).data) for raw in found]
+        if len(set(pressed)) > 1:
+            self.flags.append(f"the verdict changed {len(pressed) - 1} times; the last counts")
+        success = pressed[-1] if verdict is None else verdict == "held"
+        if success and not self.planned:
+            raise RecordingError(f"topic {self.topics.outcome}: a success, but {PLANNED}: false")
+        return success
+
+    def last_before_start(self, key: str) -> Raw:
+        start = self.start_ns
+        found = [raw for raw in self.raw(key) if start is None or raw.time_ns <= start]
+        if not found:
+            when = "commanded pose" if self.planned else "outcome"
+            raise RecordingError(f"no message on topic {getattr(self.topics, key)} before the {when}")
+        return found[-1]
+
+    @cached_property
+    def image(self) -> Any:
+        return self.decode("depth", self.last_before_start("depth"))
+
+    @cached_property
+    def depth(self) -> np.ndarray:
+        with _naming(self.topics.depth):
+            depth = decode.depth(self.image)
+            decode.check_distance(depth)
+        return depth
+
+    @cached_property
+    def camera(self) -> Camera:
+        with _naming(self.topics.camera_info):
+            info = self.decode("camera_info", self.last_before_start("camera_info"))
+            height, width = self.depth.shape
+            K = decode.camera_matrix(info, (height, width))
+            return Camera(width, height, (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), decode.distortion(info))
+
+    @cached_property
+    def joints(self) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+        """Names, times [s] since start_ns by the messages' own clock, positions."""
+        messages = [(raw.time_ns, self.decode("joints", raw)) for raw in self.raw("joints")]
+        self.doubts += plausible.clock_jumps(messages, self.topics.joints)
+        return decode.joints(messages, self.start_ns or (messages[0][0] if messages else 0))
+
+    @cached_property
+    def fingers(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times [s] since start_ns and positions (T, fingers) from the command to the verdict."""
+        names, time_s, positions = self.joints
+        missing = [name for name in self.arm.finger_joints or () if name not in names]
+        if missing:
+            raise RecordingError(f"topic {self.topics.joints}: no joint {', '.join(missing)}; there are {', '.join(names)}")
+        columns = [names.index(name) for name in self.arm.finger_joints or ()]
+        outcomes = self.raw("outcome")
+        end = (outcomes[-1].time_ns - (self.start_ns or 0)) * 1e-9 if outcomes else np.inf
+        during = (time_s >= 0) & (time_s <= end) if self.start_ns else time_s <= end
+        return time_s[during], positions[during][:, columns]
+
+    @cached_property
+    def closing_ns(self) -> int:
+        """When the fingers begin to close, by the recorder's clock."""
+        if self.topics.gripper:
+            found = [raw for raw in self.raw("gripper") if raw.time_ns >= (self.start_ns or 0)]
+            if not found:
+                raise RecordingError(f"no message on topic {self.topics.gripper} after the commanded pose")
+            return found[0].time_ns
+        if not self.arm.finger_joints:
+            raise RecordingError("nothing tells when the fingers close; arm.finger_joints or topics.gripper does")
+        seconds = closing_s(*self.fingers, self.arm.finger_sign)
+        if seconds is None:
+            raise RecordingError(f"topic {self.topics.joints}: {', '.join(self.arm.finger_joints)} never closed")
+        return (self.start_ns or self.raw("joints")[0].time_ns) + round(seconds * 1e9)
+
+    @cached_property
+    def frames(self) -> Frames:
+        return Frames(*([(raw.time_ns, self.decode(key, raw)) for raw in self.raw(key)] for key in ("tf", "tf_static")))
+
+    def stamp(self, logged_ns: int) -> int:
+        """A moment of the recorder's clock by that of the transforms."""
+        offsets = self.frames.offsets_ns
+        return logged_ns + (int(np.median(offsets)) if offsets else 0)
+
+    def T_table(self, frame: str, stamp: int) -> np.ndarray:
+        """T_table_frame (4, 4) at a moment [ns] of the transforms' clock, the table's z up."""
+        flip = DOWN if self.arm.table_z == "down" else np.eye(4)
+        if frame == self.arm.table_frame:
+            return flip
+        if self.arm.table_frame is not None:
+            return flip @ self.frames.lookup(self.arm.table_frame, frame, stamp)
+        try:
+            T_table_camera = fit_table(self.depth, self.camera, ANY_TABLE).T_world_camera
+        except TableError as error:
+            raise RecordingError(f"topic {self.topics.depth}: {error}") from None
+        seen = stamp_ns(self.image.header) or self.stamp(self.last_before_start("depth").time_ns)
+        T_base_camera = self.frames.lookup(self.arm.base_frame, self.image.header.frame_id.lstrip("/"), seen)
+        return T_table_camera @ np.linalg.inv(T_base_camera) @ self.frames.lookup(self.arm.base_frame, frame, stamp)
+
+    def pose(self, logged_ns: int, stamped: Any) -> np.ndarray:
+        """(3,) of a PoseStamped in whatever frame."""
+        frame = stamped.header.frame_id.lstrip("/")
+        stamp = stamp_ns(stamped.header) or self.stamp(logged_ns)
+        if frame == FRAME and frame not in self.frames and self.arm.table_frame in (FRAME, None):
+            T_table_frame = DOWN if self.arm.table_z == "down" else np.eye(4)
+        else:
+            T_table_frame = self.T_table(frame, stamp)
+        T_frame_pose = rigid(stamped.pose.position, stamped.pose.orientation)
+        return target_in_image(T_table_frame @ T_frame_pose, self.arm.closing_axis)
+
+    @cached_property
+    def commanded(self) -> np.ndarray | None:
+        if not self.planned:
+            return None
+        given = pose_of(self.said)
+        if given is not None or self.commanded_message is None:
+            return given
+        with _naming(self.topics.commanded):
+            return self.pose(*self.commanded_message)
+
+    @cached_property
+    def achieved(self) -> np.ndarray | None:
+        """Where the gripper was as its fingers began to close."""
+        if not self.planned:
+            if found := self.raw("achieved"):
+                raise RecordingError(f"{_count(found)} on topic {self.topics.achieved}, but {PLANNED}: false")
+            return None
+        if self.arm.achieved == "columns":
+            reached = pose_of(self.said, "reached_")
+            if reached is None:
+                raise RecordingError("what the trial was lacks reached_u_mm, reached_v_mm, reached_theta_deg")
+            return reached
+        if self.arm.achieved == "tf":
+            T = self.T_table(self.arm.gripper_frame, self.stamp(self.closing_ns))
+            return target_in_image(T, self.arm.closing_axis)
+        found = self.raw("achieved")
+        if not found:
+            raise RecordingError(f"no message on topic {self.topics.achieved}")
+        chosen = found[0]
+        if len(found) > 1:  # a tracker's: the last before the fingers close
+            if not (self.arm.finger_joints or self.topics.gripper):
+                raise RecordingError(
+                    f"{_count(found)} on topic {self.topics.achieved}; a trial has exactly one, or arm.finger_joints "
+                    "or topics.gripper to tell which was as the fingers closed"
+                )
+            earlier = [raw for raw in found if raw.time_ns <= self.closing_ns]
+            if not earlier:
+                raise RecordingError(f"no message on topic {self.topics.achieved} before the fingers close")
+            chosen = earlier[-1]
+        self.doubts += plausible.order(self.start_ns, chosen.time_ns, self.topics.achieved)
+        with _naming(self.topics.achieved):
+            return self.pose(chosen.time_ns, self.decode("achieved", chosen))
+
+    def recording(self) -> TrialRecording:
+        condition = Condition.from_metadata(self.said)
+        success, depth, camera = self.success, self.depth, self.camera
+        if self.raw("outcome") and self.start_ns and self.raw("outcome")[-1].time_ns < self.start_ns:
+            raise RecordingError(f"topic {self.topics.outcome}: the verdict comes before the commanded pose")
+        commanded, achieved = self.commanded, self.achieved
+        names, time_s, positions = self.joints
+        if self.arm.finger_joints and success and self.arm.finger_shut is not None:
+            plausible.check_fingers(self.fingers[1], self.arm)
+        if commanded is not None and achieved is not None:
+            self.doubts += plausible.reached(commanded, achieved, condition)
+        self.doubts += self.bag.jumps
+        return TrialRecording(
+            condition=condition,
+            depth=depth,
+            camera_matrix=camera.matrix,
+            commanded=commanded,
+            achieved=achieved,
+            joint_names=names,
+            joint_time_s=time_s,
+            joint_positions=positions,
+            success=success,
+            distortion=camera.distortion,
+            flags=tuple(self.flags),
+            doubts=tuple(dict.fromkeys(self.doubts)),
+        )
 
 
-def read_trial(path: Path, topics: Topics) -> TrialRecording:
-    """The trial in an MCAP file; RecordingError, in one line, where it is damaged or lacks something."""
+def read_trial(
+    path: Path, topics: Topics, arm: Arm = ARM, row: Mapping[str, str] | None = None
+) -> TrialRecording:
+    """The trial in a bag; RecordingError, in one line, where it is damaged or lacks something.
+
+    row: what trials.csv says of it, if there is one (`described.read_table`).
+    """
+    wanted = [topic for key in (*KINDS, "gripper") if (topic := getattr(topics, key))]
     try:
-        with path.open("rb") as stream:
-            return _trial(_open(stream), topics)
+        with open_bag(path, wanted, [topic for key in LAZY if (topic := getattr(topics, key))]) as bag:
+            try:
+                return _Trial(bag, topics, arm, description(path, bag.metadata, row or {})).recording()
+            except RecordingError as error:
+                raise RecordingError("; ".join([str(error), *bag.flags])) from None
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
     except OSError as error:
@@ -174,8 +327,8 @@ def read_trial(path: Path, topics: Topics) -> TrialRecording:
 
 
 def recordings(folder: Path) -> list[Path]:
-    """The .mcap files directly in a folder, by name."""
-    found = sorted(folder.glob("*.mcap")) if folder.is_dir() else []
+    """The bags directly in a folder, by name."""
+    found = sorted(child for child in folder.iterdir() if is_bag(child)) if folder.is_dir() else []
     if not found:
-        raise RecordingError(f"{folder}: no .mcap files; robot.folder takes a directory of them")
+        raise RecordingError(f"{folder}: no .mcap files; robot.folder takes a directory of bags, {TABLE} beside them")
     return found

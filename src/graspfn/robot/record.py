@@ -20,6 +20,13 @@ from graspfn.robot.trial import FRAME, METADATA, PLANNED, TrialRecording
 from graspfn.workflow.files import atomic
 
 CAMERA_FRAME = "camera_depth_optical_frame"
+RECORDED = (
+    "sensor_msgs/msg/Image",
+    "sensor_msgs/msg/CameraInfo",
+    "geometry_msgs/msg/PoseStamped",
+    "sensor_msgs/msg/JointState",
+    "std_msgs/msg/Bool",
+)
 SEEN_NS = 1_000_000_000
 COMMANDED_NS = 1_100_000_000
 
@@ -53,7 +60,7 @@ def trial_bytes(trial: TrialRecording, topics: Topics, depth_encoding: str) -> b
     writer = Writer(stream, compression=CompressionType.ZSTD)
     planned = {} if trial.commanded is not None else {PLANNED: "false"}
     writer.add_metadata(METADATA, trial.condition.to_metadata() | planned)
-    schemas = {name: writer.register_msgdef(name, text) for name, text in messages.SCHEMAS.items()}
+    schemas = {name: writer.register_msgdef(name, messages.SCHEMAS[name]) for name in RECORDED}
     for sequence, (time, topic, kind, message) in enumerate(_timeline(trial, topics, depth_encoding)):
         writer.write_message(topic, schemas[kind], message, log_time=time, sequence=sequence)
     writer.finish()

@@ -78,6 +78,8 @@ def record(
                     sigma_uv_mm=cell[0],
                     sigma_theta_deg=cell[1],
                     simulated=True,
+                    injected_uv_mm=cell[0],
+                    injected_theta_deg=cell[1],
                 ),
                 depth=seen.raw,
                 camera_matrix=camera.matrix,
