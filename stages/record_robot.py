@@ -1,4 +1,4 @@
-"""Record robot trials, one MCAP each: executed by the simulated robot, or taken over from a folder (paper VII-B)."""
+"""Record trials of the simulated robot, one MCAP each; those of a folder are read where they lie (paper VII-B)."""
 
 import shutil
 from pathlib import Path
@@ -12,7 +12,6 @@ from graspfn.learning.device import pick_device
 from graspfn.learning.weights import input_kind, load_network
 from graspfn.params import Declared
 from graspfn.physics.world import Rig
-from graspfn.robot.read import read_trial, recordings
 from graspfn.robot.record import trial_bytes
 from graspfn.robot.scenes import Scenes
 from graspfn.robot.simulated import file_name, record
@@ -73,12 +72,8 @@ def main(params: Declared) -> None:
     keep_only(NETWORKS, [f"{name}-{seed}" for name in params.networks for seed in params.training_seeds])
     shutil.rmtree(OUT, ignore_errors=True)
     OUT.mkdir(parents=True)
-    if params.robot.source == "folder":
-        for path in recordings(Path(params.robot.folder)):
-            read_trial(path, params.topics)  # refuses, before anything runs on it, what cannot be analysed
-            shutil.copyfile(path, OUT / path.name)
-        return
-    simulate(params)
+    if params.robot.source == "simulated":
+        simulate(params)
 
 
 if __name__ == "__main__":

@@ -100,7 +100,8 @@ def test_the_simulated_robot_records_what_it_could_not_try(tmp_path, monkeypatch
     monkeypatch.setattr(simulated, "Bench", SureBench)
     for made in simulated.record(Seen("a", 0, EMPTY, SCENE), CELLS, plans(functions()), None, None, CAMERA, 0):
         write_trial(tmp_path / file_name(made.condition), made, TOPICS, "16UC1")
-    trials, found = analyse(tmp_path.glob("*.mcap"), TOPICS)
+    done = analyse(tmp_path.glob("*.mcap"), TOPICS)
+    trials, found = done.trials, done.uncertainty
     assert len(trials) == 10
     assert trials["u_m"].isna().sum() == 6 and trials[POSES].isna().all(axis=1).sum() == 6
     assert trials.loc[trials["u_m"].isna(), "network"].isin(["", "none"]).all()
@@ -114,8 +115,9 @@ def test_the_simulated_robot_records_what_it_could_not_try(tmp_path, monkeypatch
 
 def test_recordings_without_a_grasp_say_nothing_about_the_arm(tmp_path):
     write_trial(tmp_path / "a.mcap", no_grasp(), TOPICS, "16UC1")
-    trials, found = analyse([tmp_path / "a.mcap"], TOPICS)
-    (line,) = found.to_dict("records")
+    done = analyse([tmp_path / "a.mcap"], TOPICS)
+    trials = done.trials
+    (line,) = done.uncertainty.to_dict("records")
     assert (line["trials"], line["draws"]) == (1, 0)
     assert (line["estimated_uv_mm_low"], line["estimated_uv_mm_high"]) == (0, np.inf)
     assert all(np.isnan(line[f"{key}"]) for key in ("estimated_uv_mm", "estimated_theta_deg", "bias_u_mm"))
@@ -125,10 +127,10 @@ def test_recordings_without_a_grasp_say_nothing_about_the_arm(tmp_path):
 @pytest.mark.parametrize(
     ("made", "metadata", "says"),
     [
-        (trial(), {"planned": "false"}, r"1 message on topic /grasp/commanded, but metadata planned: false"),
+        (trial(), {"planned": "false"}, r"1 message on topic /grasp/commanded, but planned: false"),
         (no_grasp(), {"planned": "true"}, r"no message on topic /grasp/commanded; a trial has exactly one"),
-        (no_grasp(), {"planned": "no"}, "metadata planned: 'no' is neither true nor false"),
-        (dataclasses.replace(no_grasp(), success=True), {}, "/grasp/held: a success, but metadata planned: false"),
+        (no_grasp(), {"planned": "no"}, "planned: 'no' is neither true nor false"),
+        (dataclasses.replace(no_grasp(), success=True), {}, "/grasp/held: a success, but planned: false"),
     ],
 )
 def test_recordings_that_contradict_themselves_are_one_line(tmp_path, monkeypatch, made, metadata, says):

@@ -121,9 +121,10 @@ def write_data(data, params):
                 trial = TrialRecording(condition, holes, camera.matrix, q, reached, *joints, success=True)
                 path = data / f"recordings/{i}-{k}-{method.replace(' ', '')}.mcap"
                 write_trial(path, trial, params.topics, "32FC1")
-    trials, estimates = analyse(recordings(data / "recordings"), params.topics)
-    write_parquet(data / "robot_trials.parquet", trials)
-    write_parquet(data / "robot_uncertainty.parquet", estimates)
+    found = analyse(recordings(data / "recordings"), params.topics)
+    write_parquet(data / "robot_trials.parquet", found.trials)
+    write_parquet(data / "robot_uncertainty.parquet", found.uncertainty)
+    write_parquet(data / "robot_unused.parquet", found.unused)
 
 
 @pytest.fixture(scope="module")
@@ -317,9 +318,10 @@ def test_recordings_without_a_grasp_reach_table_2_and_the_page(inputs, tmp_path)
         if trial.condition.method == "Best Grasp":
             failed = dataclasses.replace(trial, commanded=None, achieved=None, success=False)
             write_trial(path, failed, inputs.params.topics, "32FC1")
-    trials, estimates = analyse(recordings(data / "recordings"), inputs.params.topics)
-    write_parquet(data / "robot_trials.parquet", trials)
-    write_parquet(data / "robot_uncertainty.parquet", estimates)
+    found = analyse(recordings(data / "recordings"), inputs.params.topics)
+    write_parquet(data / "robot_trials.parquet", found.trials)
+    write_parquet(data / "robot_uncertainty.parquet", found.uncertainty)
+    write_parquet(data / "robot_unused.parquet", found.unused)
     with_failures = load_inputs(data, inputs.params, {})
     assert all(len(grasp.commanded) == 3 for grasp in with_failures.recorded.grasps)
     tables1 = Tables1.of(with_failures.plans, with_failures.graspable)

@@ -70,7 +70,10 @@ def test_the_last_image_before_the_command_is_taken_in_any_order(tmp_path, seed)
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"metadata": False}, "no metadata record 'graspfn.trial', no bag.mcap.trial.yaml, no line of trials.csv; .*sigma_uv_mm.*simulated"),
+        (
+            {"metadata": False},
+            "no metadata record 'graspfn.trial', no bag.mcap.trial.yaml, no line of trials.csv; .*sigma_uv_mm",
+        ),
         ({"without": (TOPICS.achieved,)}, f"no message on topic {TOPICS.achieved}"),
         ({"without": (TOPICS.outcome,)}, f"no message on topic {TOPICS.outcome}"),
         ({"without": (TOPICS.depth,)}, f"no message on topic {TOPICS.depth}"),

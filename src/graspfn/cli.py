@@ -93,6 +93,32 @@ def label(
     typer.echo(json.dumps(account) if as_json else table(account))
 
 
+@app.command()
+def trial(
+    bag: Annotated[Path, typer.Argument(help="A .mcap or .db3 file, or the folder of a bag.", metavar="BAG")],
+    changes: Annotated[list[str] | None, typer.Argument(metavar="[KEY=VALUE]...")] = None,
+) -> None:
+    """Write what a trial was into BAG.trial.yaml, and print all that it says; KEY= takes a key out.
+
+    For example: graspfn trial cup-3.mcap object=cup placement=3 method="Best Grasp" network=fcn verdict=held
+    """
+    from graspfn.robot.described import describe, undescribed
+    from graspfn.robot.trial import RecordingError
+
+    pairs = [change.partition("=") for change in changes or []]
+    _end_at([f"{key}: takes KEY=VALUE" for key, equals, _ in pairs if not equals], 2)
+    try:
+        said = describe(bag, {key: value for key, _, value in pairs})
+    except RecordingError as error:
+        _end_at([str(error)], 2)
+    except OSError as error:
+        _end_at([f"{bag}.trial.yaml: cannot be written: {error.strerror}"], 2)
+    for key, value in said.items():
+        typer.echo(f"{key}: {value}")
+    for line in undescribed(bag, said):
+        typer.echo(line, err=True)
+
+
 def _problems() -> list[str]:
     """What is wrong with params.yaml and which system libraries are missing."""
     problems = []

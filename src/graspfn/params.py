@@ -302,7 +302,9 @@ class Robot:
     folder: Annotated[str, Key("directory of bags, one for each trial, for source: folder")]
     objects: Annotated[int, Key("test objects the simulated robot grasps", at_least=1)]
     placements: Annotated[int, Key("placements of each object", at_least=1)]
-    max_failed: Annotated[float, Key("fraction of scenes or bags that may fail before the stage does", at_least=0, at_most=1)]
+    max_failed: Annotated[
+        float, Key("fraction of scenes or bags that may fail before the stage does", at_least=0, at_most=1)
+    ]
     sigma_uv_mm: Annotated[tuple[float, ...], Key("std of the reached position in each condition, mm", at_least=0)]
     sigma_theta_deg: Annotated[tuple[float, ...], Key("std of the reached angle in each condition, deg", at_least=0)]
     depth_encoding: Annotated[str, Key("encoding of recorded depth images", one_of=("16UC1", "32FC1"))]
@@ -331,15 +333,20 @@ class Arm:
 
     achieved: Annotated[
         str,
-        Key("from topics.achieved, TF, or columns reached_... of what the trial was", one_of=("topic", "tf", "columns")),
+        Key(
+            "from topics.achieved, TF, or columns reached_... of what the trial was", one_of=("topic", "tf", "columns")
+        ),
     ]
     table_frame: Annotated[
         str | None,
         Key("frame on the table below the image centre; null: where base_frame and the camera's frame in TF have it"),
     ]
     table_z: Annotated[
-        str, Key("z of table_frame: up (y is the image's -v) or down (y is +v, angles turn the other way)",
-                 one_of=("up", "down"))
+        str,
+        Key(
+            "z of table_frame: up (y is the image's -v) or down (y is +v, angles turn the other way)",
+            one_of=("up", "down"),
+        ),
     ]
     base_frame: Annotated[str, Key("frame that never moves, for a camera that does")]
     gripper_frame: Annotated[str, Key("frame between the fingertips, for achieved: tf")]
@@ -489,7 +496,9 @@ def validate(values: Any) -> Params:
     if params.arm.finger_sign == 0:
         raise ParameterError("arm.finger_sign: takes 1 or -1")
     if params.arm.achieved == "tf" and not (params.arm.finger_joints or params.topics.gripper):
-        raise ParameterError("arm.achieved: tf takes arm.finger_joints or topics.gripper, to know when the fingers close")
+        raise ParameterError(
+            "arm.achieved: tf takes arm.finger_joints or topics.gripper, to know when the fingers close"
+        )
     return params
 
 

@@ -22,7 +22,8 @@ from graspfn.reporting.film import Film, film_best_grasp, film_failure
 from graspfn.reporting.parameters import Parameter, flat_parameters
 from graspfn.reporting.plans import graspable_objects, plans_of
 from graspfn.reporting.sizes import widths
-from graspfn.robot.read import ANY_TABLE, read_trial
+from graspfn.robot.described import read_table
+from graspfn.robot.read import ANY_TABLE, read_trial, recordings_folder
 from graspfn.robot.trial import TrialRecording
 from graspfn.seeds import generator
 from graspfn.workflow.files import read_npz
@@ -93,6 +94,7 @@ class ReportInputs:
     plans: pd.DataFrame
     robot_trials: pd.DataFrame
     robot_uncertainty: pd.DataFrame
+    robot_unused: pd.DataFrame
     labelled: LabelledExample
     predicted: tuple[PredictedExample, ...]
     film: Film | None
@@ -190,11 +192,17 @@ def _recorded(data: Path, trials: pd.DataFrame, params: Any) -> Recorded:
     order = trials.assign(robust=trials["method"] != "Robust Best Grasp", failed=~trials["success"])
     order = order.sort_values(["failed", "robust", "sigma_uv_mm", "object", "placement", "network"])
     chosen = order[~order["failed"]].drop_duplicates("object").head(SHOWN_GRASPS)
-    first = read_trial(data / "recordings" / order["file"].iloc[0], params.topics)
+    folder = data / "recordings" if params.robot.source == "simulated" else recordings_folder(params.robot)
+    table = read_table(folder)
+
+    def read(file: str) -> TrialRecording:
+        return read_trial(folder / file, params.topics, params.arm, table.get(file))
+
+    first = read(order["file"].iloc[0])
     camera = _camera_of(first)
     grasps = []
     for line in chosen.to_dict("records"):
-        trial = read_trial(data / "recordings" / line["file"], params.topics)
+        trial = read(line["file"])
         assert trial.commanded is not None and trial.achieved is not None  # a success
         filled = fill_holes(trial.depth, None)  # a recording does not say how high its camera was
         grasps.append(ExecutedGrasp(line["object"], filled, trial.commanded, trial.achieved))
@@ -231,6 +239,7 @@ def load_inputs(data: Path, params: Any, stage_seconds: Mapping[str, float]) -> 
         plans=plans_of(trials),
         robot_trials=robot_trials,
         robot_uncertainty=pd.read_parquet(data / "robot_uncertainty.parquet"),
+        robot_unused=pd.read_parquet(data / "robot_unused.parquet"),
         labelled=labelled,
         predicted=_predicted(data, networks),
         film=_film(data, labels, labelled.id, params),

@@ -51,7 +51,10 @@ def is_bag(path: Path) -> bool:
     if path.name.startswith("."):
         return False
     if path.is_dir():
-        return (path / LIST).exists() or any(child.name.endswith(SUFFIXES) for child in path.iterdir())
+        try:
+            return (path / LIST).exists() or any(child.name.endswith(SUFFIXES) for child in path.iterdir())
+        except OSError:
+            return True  # and whoever reads it is told why not
     return path.name.endswith(SUFFIXES)
 
 
@@ -92,6 +95,17 @@ def _opened(path: Path) -> Iterator[IO[bytes]]:
 
 
 @contextmanager
+def telling_damage() -> Iterator[None]:
+    """Damaged bytes surface as any of a dozen unrelated types from the mcap, cdr and compression libraries."""
+    try:
+        yield
+    except (RecordingError, OSError):
+        raise
+    except Exception as error:
+        raise RecordingError(f"damaged: {' '.join(f'{type(error).__name__} {error}'.split())}") from error
+
+
+@contextmanager
 def open_bag(path: Path, topics: Iterable[str], lazy: Iterable[str]) -> Iterator[Bag]:
     """The messages of `topics` in a bag; those of `lazy` topics stay in the file until `Bag.data` asks for one.
 
@@ -105,15 +119,18 @@ def open_bag(path: Path, topics: Iterable[str], lazy: Iterable[str]) -> Iterator
             stream = stack.enter_context(_opened(file))
             name = file.name
             if name.endswith(".zstd"):
-                stream, name = stack.enter_context(_expanded(stream, bounds)), name.removesuffix(".zstd")
+                with telling_damage():
+                    stream, name = stack.enter_context(_expanded(stream, bounds)), name.removesuffix(".zstd")
             read = _sqlite if name.endswith(".db3") else _mcap
             last: dict[str, int] = {}
-            for raw in read(stack, stream, bag, frozenset(lazy)):
-                bag.found[raw.topic.name].append(raw)
-                back = last.get(raw.topic.name, 0) - raw.time_ns
-                last[raw.topic.name] = raw.time_ns
-                if back > JUMP_NS and len(bag.jumps) < 10:
-                    bag.jumps.append(f"topic {raw.topic.name}: the recorder's clock goes back by {back * 1e-9:.3g} s")
+            with telling_damage():
+                for raw in read(stack, stream, bag, frozenset(lazy)):
+                    bag.found[raw.topic.name].append(raw)
+                    back = last.get(raw.topic.name, 0) - raw.time_ns
+                    last[raw.topic.name] = raw.time_ns
+                    if back > JUMP_NS and len(bag.jumps) < 10:
+                        jump = f"the recorder's clock goes back by {back * 1e-9:.3g} s"
+                        bag.jumps.append(f"topic {raw.topic.name}: {jump}")
         for found in bag.found.values():
             found.sort(key=lambda raw: raw.time_ns)
         bag.flags = list(dict.fromkeys(bag.flags))

@@ -31,9 +31,7 @@ class Bounds:
     def hold(self, size: int) -> None:
         self.held += size
         if self.held > MOST_HELD:
-            raise RecordingError(
-                f"more than {MOST_HELD >> 20} MiB of poses, joints and transforms; a bag is one trial"
-            )
+            raise RecordingError(f"more than {MOST_HELD >> 20} MiB of poses, joints and transforms; a bag is one trial")
 
     def expand(self, size: int) -> None:
         self.expanded += size

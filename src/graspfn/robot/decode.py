@@ -91,7 +91,9 @@ def _png(data: bytes) -> np.ndarray:
     try:
         with Image.open(io.BytesIO(data), formats=["PNG"]) as picture:
             if picture.width * picture.height > MOST_PIXELS or picture.mode != "I;16":
-                raise RecordingError(f"PNG of {picture.width}x{picture.height} pixels, {picture.mode}; it takes 16 bits")
+                raise RecordingError(
+                    f"PNG of {picture.width}x{picture.height} pixels, {picture.mode}; it takes 16 bits"
+                )
             return np.asarray(picture, dtype=np.uint16)
     except (OSError, SyntaxError, ValueError, struct.error, zlib.error, Image.DecompressionBombError) as error:
         if isinstance(error, RecordingError):

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import yaml
 
+from graspfn.robot.bag import open_bag
 from graspfn.robot.trial import METADATA, REQUIRED, RecordingError, check
 from graspfn.workflow.files import atomic
 
@@ -106,8 +107,25 @@ def describe(bag: Path, changes: Mapping[str, str]) -> dict[str, str]:
     takes a key out. RecordingError for a bag or a key that is not."""
     if not bag.exists():
         raise RecordingError(f"{bag}: no such file or folder")
-    kept = {key: value for key, value in (read_sidecar(bag) | changes).items() if value or key == "network"}
+    kept = {key: value for key, value in {**read_sidecar(bag), **changes}.items() if value or key == "network"}
     check(kept)
     with atomic(sidecar(bag)) as part:
         part.write_text(yaml.safe_dump(kept, allow_unicode=True, sort_keys=False), encoding="utf-8")
     return kept
+
+
+def undescribed(bag: Path, said: Mapping[str, str]) -> list[str]:
+    """What the sidecar of a bag does not settle: keys that no source has, keys that the bag itself has otherwise."""
+    try:
+        with open_bag(bag, (), ()) as opened:
+            own = opened.metadata.get(METADATA, {})
+        row = read_table(bag.parent).get(bag.name, {})
+    except (RecordingError, OSError) as error:
+        return [f"{bag}: {error}"]
+    lines = [
+        f"{key}: the bag itself says {own[key]!r}, and that counts"
+        for key in said
+        if own.get(key, said[key]) != said[key]
+    ]
+    missing = [key for key in REQUIRED if key not in {**own, **said, **row}]
+    return lines + ([f"still missing: {', '.join(missing)}"] if missing else [])

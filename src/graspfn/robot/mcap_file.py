@@ -123,7 +123,9 @@ class McapFile:
                 yield from self._chunk(body, length)
             elif opcode == Opcode.MESSAGE:
                 self._unchecked = True
-                yield from self._message(self._bytes(body, min(length, 22)), partial(self._bytes, body + 22, length - 22))
+                yield from self._message(
+                    self._bytes(body, min(length, 22)), partial(self._bytes, body + 22, length - 22)
+                )
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA):
                 self._describe(opcode, self._text(body, length))
             elif opcode == Opcode.DATA_END:

@@ -21,9 +21,9 @@ from mcap_ros2.decoder import DecoderFactory
 
 from graspfn.imaging.camera import Camera
 from graspfn.imaging.table import TableError, fit_table
-from graspfn.params import Arm, Table, Topics
+from graspfn.params import Arm, Robot, Table, Topics
 from graspfn.robot import decode, plausible
-from graspfn.robot.bag import Bag, is_bag, open_bag
+from graspfn.robot.bag import Bag, is_bag, open_bag, telling_damage
 from graspfn.robot.closing import closing_s
 from graspfn.robot.described import TABLE, description
 from graspfn.robot.mcap_file import Raw
@@ -50,8 +50,10 @@ KINDS = {
     "tf": ("tf2_msgs/msg/TFMessage",),
     "tf_static": ("tf2_msgs/msg/TFMessage",),
 }
+RECORDINGS = Path("data/recordings")  # of the simulated robot
 LAZY = ("depth", "gripper")  # left in the file; of the gripper's commands only the times are of use
 ARM = Arm("topic", FRAME, "up", "base_link", "gripper", "x", None, 1, None)  # whose poses are all in the frame `table`
+THIN_NS = 5_000_000
 # What a recorded image may be drawn over: any table that a camera from above sees.
 ANY_TABLE = Table(fit=True, max_tilt_deg=20, min_inliers=0.05, max_rms_mm=20, max_offset_mm=1e4)
 
@@ -101,6 +103,16 @@ class _Trial:
         decoder = self._factory.decoder_for("cdr", schema)
         assert decoder is not None
         return decoder(self.bag.data(raw))
+
+    def thinned(self, key: str) -> Iterator[Raw]:
+        """Of each publisher on a topic no more than one message in THIN_NS: some publish every millisecond."""
+        last: dict[Any, int] = {}
+        for raw in self.raw(key):
+            data = self.bag.data(raw)
+            publisher = len(data), data[12:140]  # the names of its joints, after the stamp
+            if raw.time_ns - last.get(publisher, -THIN_NS) >= THIN_NS:
+                last[publisher] = raw.time_ns
+                yield raw
 
     @cached_property
     def commanded_message(self) -> Any:
@@ -163,8 +175,8 @@ class _Trial:
 
     @cached_property
     def joints(self) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-        """Names, times [s] since start_ns by the messages' own clock, positions."""
-        messages = [(raw.time_ns, self.decode("joints", raw)) for raw in self.raw("joints")]
+        """Names, times [s] since start_ns by the recorder's clock, positions."""
+        messages = [(raw.time_ns, self.decode("joints", raw)) for raw in self.thinned("joints")]
         self.doubts += plausible.clock_jumps(messages, self.topics.joints)
         return decode.joints(messages, self.start_ns or (messages[0][0] if messages else 0))
 
@@ -174,7 +186,9 @@ class _Trial:
         names, time_s, positions = self.joints
         missing = [name for name in self.arm.finger_joints or () if name not in names]
         if missing:
-            raise RecordingError(f"topic {self.topics.joints}: no joint {', '.join(missing)}; there are {', '.join(names)}")
+            raise RecordingError(
+                f"topic {self.topics.joints}: no joint {', '.join(missing)}; there are {', '.join(names)}"
+            )
         columns = [names.index(name) for name in self.arm.finger_joints or ()]
         outcomes = self.raw("outcome")
         end = (outcomes[-1].time_ns - (self.start_ns or 0)) * 1e-9 if outcomes else np.inf
@@ -302,9 +316,7 @@ class _Trial:
         )
 
 
-def read_trial(
-    path: Path, topics: Topics, arm: Arm = ARM, row: Mapping[str, str] | None = None
-) -> TrialRecording:
+def read_trial(path: Path, topics: Topics, arm: Arm = ARM, row: Mapping[str, str] | None = None) -> TrialRecording:
     """The trial in a bag; RecordingError, in one line, where it is damaged or lacks something.
 
     row: what trials.csv says of it, if there is one (`described.read_table`).
@@ -313,17 +325,14 @@ def read_trial(
     try:
         with open_bag(path, wanted, [topic for key in LAZY if (topic := getattr(topics, key))]) as bag:
             try:
-                return _Trial(bag, topics, arm, description(path, bag.metadata, row or {})).recording()
+                with telling_damage():
+                    return _Trial(bag, topics, arm, description(path, bag.metadata, row or {})).recording()
             except RecordingError as error:
                 raise RecordingError("; ".join([str(error), *bag.flags])) from None
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except Exception as error:
-        # Damaged bytes surface as any of a dozen unrelated types from the mcap, cdr and compression libraries.
-        detail = " ".join(f"{type(error).__name__} {error}".split())
-        raise RecordingError(f"{path}: damaged: {detail}") from error
 
 
 def recordings(folder: Path) -> list[Path]:
@@ -332,3 +341,8 @@ def recordings(folder: Path) -> list[Path]:
     if not found:
         raise RecordingError(f"{folder}: no .mcap files; robot.folder takes a directory of bags, {TABLE} beside them")
     return found
+
+
+def recordings_folder(robot: Robot) -> Path:
+    """Where the bags lie: those of the user stay where they are."""
+    return Path(robot.folder) if robot.source == "folder" else RECORDINGS

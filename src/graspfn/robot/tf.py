@@ -116,11 +116,15 @@ class Frames:
             nearest = min(i, len(track.times) - 1)
             away = abs(track.times[nearest] - time_ns) * 1e-9
             if away > LATE_S:
-                raise RecordingError(f"TF of {frame!r} {'ends' if i else 'begins'} {away:.1f} s from the moment asked for")
+                raise RecordingError(
+                    f"TF of {frame!r} {'ends' if i else 'begins'} {away:.1f} s from the moment asked for"
+                )
             return rigid(track.transforms[nearest].translation, track.transforms[nearest].rotation)
         before, after = track.times[i - 1], track.times[i]
         if (after - before) * 1e-9 > GAP_S:
-            raise RecordingError(f"TF of {frame!r} has a gap of {(after - before) * 1e-9:.1f} s at the moment asked for")
+            raise RecordingError(
+                f"TF of {frame!r} has a gap of {(after - before) * 1e-9:.1f} s at the moment asked for"
+            )
         ends = [rigid(track.transforms[j].translation, track.transforms[j].rotation) for j in (i - 1, i)]
         share = (time_ns - before) / (after - before)
         T = np.eye(4)

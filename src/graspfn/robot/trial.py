@@ -79,12 +79,16 @@ class Condition:
         if len(injected) == 1:
             raise RecordingError("has one of injected_uv_mm and injected_theta_deg; it takes both or neither")
         return cls(
-            **{key: text[key] for key in ("object", "placement", "method", "network")},
+            object=text["object"],
+            placement=text["placement"],
+            method=text["method"],
+            network=text["network"],
             sigma_uv_mm=float(text["sigma_uv_mm"]),
             sigma_theta_deg=float(text["sigma_theta_deg"]),
             simulated=text["simulated"] == "true",
+            injected_uv_mm=injected[0] if injected else None,
+            injected_theta_deg=injected[1] if injected else None,
             session=text.get("session", ""),
-            **dict(zip(INJECTED, injected, strict=False)),
         )
 
 
