@@ -80,16 +80,19 @@ def _listed(path: Path) -> list[str]:
     try:
         names = yaml.load(text, yaml.BaseLoader)["rosbag2_bagfile_information"]["relative_file_paths"]
         return [os.path.basename(name) for name in names]
-    except (yaml.YAMLError, KeyError, TypeError, AttributeError):
+    except (yaml.YAMLError, KeyError, TypeError, AttributeError, RecursionError):
         raise RecordingError(f"{LIST} is not that of a bag") from None
 
 
 @contextmanager
 def _opened(path: Path) -> Iterator[IO[bytes]]:
     """A regular file, for reading: a pipe would wait for ever."""
-    descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-    with os.fdopen(descriptor, "rb") as stream:
-        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+
+    def opener(name: str, flags: int) -> int:
+        return os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
+
+    with open(path, "rb", opener=opener) as stream:
+        if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
             raise RecordingError(f"{path.name} is not a file")
         yield stream
 

@@ -19,7 +19,7 @@ import lz4.frame
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Channel, Metadata, Schema
+from mcap.records import Channel, Metadata, Schema, Statistics
 
 from graspfn.robot.bounds import MOST_CHUNK, MOST_TEXT, Bounds
 from graspfn.robot.trial import RecordingError
@@ -100,7 +100,8 @@ class McapFile:
         self.flags: list[str] = []
         self._schemas: dict[int, Schema] = {}
         self._topics: dict[int, Topic] = {}
-        self._unchecked = False
+        self._unchecked = self._ended = False
+        self._count = 0
         if self._bytes(0, len(MAGIC)) != MAGIC:
             raise RecordingError("not an MCAP file")
         self.finished = self._size >= 2 * len(MAGIC) and self._bytes(self._size - len(MAGIC), len(MAGIC)) == MAGIC
@@ -130,7 +131,8 @@ class McapFile:
                 self._describe(opcode, self._text(body, length))
             elif opcode == Opcode.DATA_END:
                 self._check_data(body, offset)
-                break
+            elif opcode == Opcode.STATISTICS:
+                self._check_count(self._text(body, length))
             elif opcode == Opcode.FOOTER:
                 break
             elif not Opcode.HEADER <= opcode <= Opcode.DATA_END and opcode < PRIVATE:
@@ -142,6 +144,8 @@ class McapFile:
     def _cut(self, offset: int) -> None:
         if self.finished:
             raise RecordingError(f"damaged: the record at byte {offset} is longer than the file")
+        if self._ended:
+            return  # of what is left out nothing is needed
         self.flags.append(f"cut short: read up to byte {offset} of {self._size}")
 
     def _text(self, body: int, length: int) -> bytes:
@@ -207,6 +211,7 @@ class McapFile:
 
     def _message(self, head: bytes, read: partial[bytes], data: memoryview | None = None) -> Iterator[Raw]:
         self._bounds.count()
+        self._count += 1
         if len(head) < 22:
             raise RecordingError("damaged: a message of fewer bytes than its times take")
         channel, _, time_ns = struct.unpack_from("<HIQ", head)
@@ -225,6 +230,7 @@ class McapFile:
 
     def _check_data(self, body: int, end: int) -> None:
         """The checksum over all before the end of the data, where there is one."""
+        self._ended = True
         (expected,) = struct.unpack("<I", self._bytes(body, 4))
         if not expected:
             return
@@ -236,3 +242,9 @@ class McapFile:
         if crc != expected:
             raise RecordingError("damaged: the checksum of its data is another")
         self._unchecked = False
+
+    def _check_count(self, body: bytes) -> None:
+        """A chunk whose kind is damaged would be passed over as something else."""
+        said = Statistics.read(ReadDataStream(io.BytesIO(body))).message_count
+        if said != self._count:
+            raise RecordingError(f"damaged: {self._count} messages, where its statistics count {said}")

@@ -8,6 +8,7 @@ is odd is said in `TrialRecording.flags`; what keeps a reached pose from being a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -127,11 +128,20 @@ class _Trial:
         return found[0].time_ns, self.decode("commanded", found[0])
 
     @cached_property
-    def start_ns(self) -> int | None:
-        """When the pose was commanded, or failing that the trial ended; None where nothing says."""
-        if self.commanded_message:
-            return int(self.commanded_message[0])
-        return self.raw("outcome")[0].time_ns if self.raw("outcome") else None
+    def command_ns(self) -> int | None:
+        """When the pose was commanded; None where nothing says."""
+        return int(self.commanded_message[0]) if self.commanded_message else None
+
+    @cached_property
+    def planned_ns(self) -> tuple[float, str]:
+        """Before when the image was taken that was planned on, and what happened then."""
+        if self.command_ns is not None:
+            return self.command_ns, "the commanded pose"
+        if self.planned and self.tells_closing:
+            return self.closing_ns, "the fingers close"
+        if self.raw("outcome"):
+            return self.raw("outcome")[0].time_ns, "the outcome"
+        return math.inf, "the end"
 
     @cached_property
     def success(self) -> bool:
@@ -146,17 +156,16 @@ class _Trial:
             raise RecordingError(f"topic {self.topics.outcome}: a success, but {PLANNED}: false")
         return success
 
-    def last_before_start(self, key: str) -> Raw:
-        start = self.start_ns
-        found = [raw for raw in self.raw(key) if start is None or raw.time_ns <= start]
+    def last_before_plan(self, key: str) -> Raw:
+        before, what = self.planned_ns
+        found = [raw for raw in self.raw(key) if raw.time_ns <= before]
         if not found:
-            when = "commanded pose" if self.planned else "outcome"
-            raise RecordingError(f"no message on topic {getattr(self.topics, key)} before the {when}")
+            raise RecordingError(f"no message on topic {getattr(self.topics, key)} before {what}")
         return found[-1]
 
     @cached_property
     def image(self) -> Any:
-        return self.decode("depth", self.last_before_start("depth"))
+        return self.decode("depth", self.last_before_plan("depth"))
 
     @cached_property
     def depth(self) -> np.ndarray:
@@ -168,21 +177,28 @@ class _Trial:
     @cached_property
     def camera(self) -> Camera:
         with _naming(self.topics.camera_info):
-            info = self.decode("camera_info", self.last_before_start("camera_info"))
+            info = self.decode("camera_info", self.last_before_plan("camera_info"))
             height, width = self.depth.shape
             K = decode.camera_matrix(info, (height, width))
             return Camera(width, height, (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), decode.distortion(info))
 
     @cached_property
     def joints(self) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-        """Names, times [s] since start_ns by the recorder's clock, positions."""
+        """Names, times [s] since zero_ns by the recorder's clock, positions."""
         messages = [(raw.time_ns, self.decode("joints", raw)) for raw in self.thinned("joints")]
         self.doubts += plausible.clock_jumps(messages, self.topics.joints)
-        return decode.joints(messages, self.start_ns or (messages[0][0] if messages else 0))
+        return decode.joints(messages, self.zero_ns)
+
+    @cached_property
+    def zero_ns(self) -> int:
+        """From when the joints' times count: the command, else the outcome, else their first message."""
+        if self.command_ns is not None:
+            return self.command_ns
+        return next((raw.time_ns for key in ("outcome", "joints") for raw in self.raw(key)), 0)
 
     @cached_property
     def fingers(self) -> tuple[np.ndarray, np.ndarray]:
-        """Times [s] since start_ns and positions (T, fingers) from the command to the verdict."""
+        """Times [s] since zero_ns and positions (T, fingers) from the command to the verdict."""
         names, time_s, positions = self.joints
         missing = [name for name in self.arm.finger_joints or () if name not in names]
         if missing:
@@ -191,24 +207,29 @@ class _Trial:
             )
         columns = [names.index(name) for name in self.arm.finger_joints or ()]
         outcomes = self.raw("outcome")
-        end = (outcomes[-1].time_ns - (self.start_ns or 0)) * 1e-9 if outcomes else np.inf
-        during = (time_s >= 0) & (time_s <= end) if self.start_ns else time_s <= end
+        end = (outcomes[-1].time_ns - self.zero_ns) * 1e-9 if outcomes else np.inf
+        during = (time_s >= (-np.inf if self.command_ns is None else 0)) & (time_s <= end)
         return time_s[during], positions[during][:, columns]
 
     @cached_property
     def closing_ns(self) -> int:
         """When the fingers begin to close, by the recorder's clock."""
         if self.topics.gripper:
-            found = [raw for raw in self.raw("gripper") if raw.time_ns >= (self.start_ns or 0)]
+            found = [raw for raw in self.raw("gripper") if raw.time_ns >= (self.command_ns or 0)]
             if not found:
                 raise RecordingError(f"no message on topic {self.topics.gripper} after the commanded pose")
             return found[0].time_ns
         if not self.arm.finger_joints:
             raise RecordingError("nothing tells when the fingers close; arm.finger_joints or topics.gripper does")
-        seconds = closing_s(*self.fingers, self.arm.finger_sign)
-        if seconds is None:
-            raise RecordingError(f"topic {self.topics.joints}: {', '.join(self.arm.finger_joints)} never closed")
-        return (self.start_ns or self.raw("joints")[0].time_ns) + round(seconds * 1e9)
+        with _naming(self.topics.joints):
+            seconds = closing_s(*self.fingers, self.arm.finger_sign)
+            if seconds is None:
+                raise RecordingError(f"{', '.join(self.arm.finger_joints)} never closed")
+        return self.zero_ns + round(seconds * 1e9)
+
+    @property
+    def tells_closing(self) -> bool:
+        return bool(self.arm.finger_joints or self.topics.gripper)
 
     @cached_property
     def frames(self) -> Frames:
@@ -230,7 +251,7 @@ class _Trial:
             T_table_camera = fit_table(self.depth, self.camera, ANY_TABLE).T_world_camera
         except TableError as error:
             raise RecordingError(f"topic {self.topics.depth}: {error}") from None
-        seen = stamp_ns(self.image.header) or self.stamp(self.last_before_start("depth").time_ns)
+        seen = stamp_ns(self.image.header) or self.stamp(self.last_before_plan("depth").time_ns)
         T_base_camera = self.frames.lookup(self.arm.base_frame, self.image.header.frame_id.lstrip("/"), seen)
         return T_table_camera @ np.linalg.inv(T_base_camera) @ self.frames.lookup(self.arm.base_frame, frame, stamp)
 
@@ -275,7 +296,7 @@ class _Trial:
             raise RecordingError(f"no message on topic {self.topics.achieved}")
         chosen = found[0]
         if len(found) > 1:  # a tracker's: the last before the fingers close
-            if not (self.arm.finger_joints or self.topics.gripper):
+            if not self.tells_closing:
                 raise RecordingError(
                     f"{_count(found)} on topic {self.topics.achieved}; a trial has exactly one, or arm.finger_joints "
                     "or topics.gripper to tell which was as the fingers closed"
@@ -284,14 +305,14 @@ class _Trial:
             if not earlier:
                 raise RecordingError(f"no message on topic {self.topics.achieved} before the fingers close")
             chosen = earlier[-1]
-        self.doubts += plausible.order(self.start_ns, chosen.time_ns, self.topics.achieved)
+        self.doubts += plausible.order(self.command_ns, chosen.time_ns, self.topics.achieved)
         with _naming(self.topics.achieved):
             return self.pose(chosen.time_ns, self.decode("achieved", chosen))
 
     def recording(self) -> TrialRecording:
         condition = Condition.from_metadata(self.said)
         success, depth, camera = self.success, self.depth, self.camera
-        if self.raw("outcome") and self.start_ns and self.raw("outcome")[-1].time_ns < self.start_ns:
+        if self.raw("outcome") and self.raw("outcome")[-1].time_ns < (self.command_ns or 0):
             raise RecordingError(f"topic {self.topics.outcome}: the verdict comes before the commanded pose")
         commanded, achieved = self.commanded, self.achieved
         names, time_s, positions = self.joints
