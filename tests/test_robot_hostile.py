@@ -141,10 +141,20 @@ def test_a_chunk_that_expands_to_gigabytes(tmp_path, bombs, told, claim):
 def test_many_chunks_that_expand_to_gigabytes_together(tmp_path, monkeypatch):
     monkeypatch.setattr(bounds, "MOST_EXPANDED", 1 << 26)
     size = 1 << 24
-    data = zeros(size, True)
+    private = zstandard.compress(struct.pack("<BQ", 0x80, size - 9) + bytes(size - 9))  # a record to be passed over
     path = tmp_path / "a.mcap"
-    path.write_bytes(MAGIC + 20 * chunk("zstd", size, data))
+    path.write_bytes(MAGIC + 20 * chunk("zstd", size, private))
     assert "expands to more than 64 MiB" in refused(path)
+
+
+def test_a_chunk_of_millions_of_empty_records(tmp_path, monkeypatch):
+    monkeypatch.setattr(bounds, "MOST_MESSAGES", 1000)
+    size = 9 * (1 << 16)
+    path = tmp_path / "a.mcap"
+    path.write_bytes(MAGIC + chunk("zstd", size, zeros(size, True)))
+    assert "no record of its kind" in refused(path)
+    path.write_bytes(MAGIC + chunk("", size, struct.pack("<BQ", 0x80, 0) * (1 << 16)))
+    assert "more than 1,000 messages" in refused(path)
 
 
 def test_a_whole_file_that_expands_to_gigabytes(tmp_path, monkeypatch):

@@ -9,7 +9,7 @@ from graspfn.robot.trial import RecordingError
 MOST_CHUNK = 1 << 28  # bytes of a chunk, expanded; rosbag2's default is less than a megabyte
 MOST_TEXT = 1 << 20  # bytes of a schema, channel or metadata record
 MOST_HELD = 1 << 28  # bytes of a bag's messages in memory at once
-MOST_MESSAGES = 3_000_000  # of a bag, on all topics
+MOST_MESSAGES = 3_000_000  # of a bag, on all topics, and other records
 MOST_EXPANDED = 1 << 30  # bytes that the compressed parts of a bag may expand to, or
 MOST_RATIO = 20  # so many times its size
 

@@ -137,6 +137,7 @@ class McapFile:
                 break
             elif not Opcode.HEADER <= opcode <= Opcode.DATA_END and opcode < PRIVATE:
                 raise RecordingError(f"damaged: no record begins at byte {offset}")
+            self._bounds.count()
             offset = body + length
         if self._unchecked:
             self.flags.append(NO_CHECKSUMS)
@@ -204,13 +205,15 @@ class McapFile:
                 if size > MOST_TEXT:
                     raise RecordingError(f"damaged: a description of {size} bytes")
                 self._describe(opcode, data[at : at + size])
+            elif opcode < PRIVATE:
+                raise RecordingError("damaged: a chunk holds what is no record of its kind")
+            self._bounds.count()
             offset = at + size
 
     def _from_chunk(self, body: int, length: int, start: int, stop: int) -> bytes:
         return self._chunk_data(body, length)[0][start:stop]
 
     def _message(self, head: bytes, read: partial[bytes], data: memoryview | None = None) -> Iterator[Raw]:
-        self._bounds.count()
         self._count += 1
         if len(head) < 22:
             raise RecordingError("damaged: a message of fewer bytes than its times take")
