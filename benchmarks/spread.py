@@ -18,12 +18,13 @@ SIZES = (20, 50, 200, 1000)
 @dataclass(frozen=True)
 class Case:
     """sigma: of u, v [mm], theta [degrees]; correlation: of (u, v), (u, theta), (v, theta); outliers: share of trials,
-    10 to 30 sigma away; sessions, each with an offset of its own of std offset."""
+    so many sigma away; sessions, each with an offset of its own of std offset."""
 
     sigma: tuple[float, float, float] = (6.2, 6.2, 4.7)
     correlation: tuple[float, float, float] = (0, 0, 0)
     bias: tuple[float, float, float] = (0, 0, 0)
     outliers: float = 0.0
+    away: tuple[float, float] = (10, 30)
     sessions: int = 1
     offset: float = 0.0
 
@@ -46,7 +47,7 @@ class Case:
         wild = rng.choice(n, round(self.outliers * n), replace=False)
         away = rng.standard_normal((len(wild), 3))
         away /= np.linalg.norm(away, axis=1, keepdims=True)
-        errors[wild] += away * rng.uniform(10, 30, (len(wild), 1)) * self.sigma
+        errors[wild] += away * rng.uniform(*self.away, (len(wild), 1)) * self.sigma
         return errors, session
 
 
@@ -56,8 +57,9 @@ CASES = {
     "correlated": Case(correlation=(0.9, 0.5, 0.5)),
     "unequal": Case(sigma=(3, 9, 4.7)),
     "2% outliers": Case(outliers=0.02),
+    "2% outliers, near": Case(outliers=0.02, away=(5, 10)),
     "5 sessions": Case(sessions=5, offset=8),
-    "all of these": Case((3, 9, 4.7), (0.8, 0.3, 0.3), (10, -20, 8), 0.02, 5, 8),
+    "all of these": Case((3, 9, 4.7), (0.8, 0.3, 0.3), (10, -20, 8), 0.02, sessions=5, offset=8),
 }
 NAMES = ("σu", "σv", "σθ", "σuv", "ρuv", "ρuθ", "ρvθ", "bias u", "bias v", "bias θ")
 

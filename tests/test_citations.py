@@ -66,6 +66,7 @@ BESIDES = {
     ("src/graspfn/evaluation/planner.py", "V"): "the network's likeliest class is a score to plan by",
     ("src/graspfn/evaluation/expected.py", "IV-C"): "it rests on the attempts of labels",
     ("src/graspfn/robot/depth_holes.py", "VI"): "the holes that hole filling is for",
+    ("src/graspfn/robot/target.py", "III"): "a target in the image becomes a pose of the robot",
     ("src/graspfn/robot/simulated.py", "IV-B"): "the simulated robot's camera has the noise of eq. 2",
 }
 # Sections of the keys of params.yaml, which params.py has as the docstrings of their classes.
@@ -85,6 +86,7 @@ KEYS = {
     "plan": {"VI"},
     "evaluate": {"VII-A"},
     "robot": {"VII-B"},
+    "arm": {"VII-B"},
 }
 # The rows of docs/deviations.md.
 TOPICS = {

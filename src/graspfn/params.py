@@ -314,17 +314,15 @@ class Robot:
 class Topics:
     """Topic names in the recordings."""
 
-    depth: Annotated[str, Key("sensor_msgs/Image or CompressedImage (compressedDepth), the depth image planned on")]
+    depth: Annotated[str, Key("sensor_msgs/Image or CompressedImage, the depth image planned on")]
     camera_info: Annotated[str, Key("sensor_msgs/CameraInfo of that image")]
     commanded: Annotated[str, Key("geometry_msgs/PoseStamped sent to the arm")]
-    achieved: Annotated[str, Key("geometry_msgs/PoseStamped the gripper reached, for arm.achieved: topic")]
+    achieved: Annotated[str, Key("geometry_msgs/PoseStamped the gripper reached")]
     joints: Annotated[str, Key("sensor_msgs/JointState of the hand and fingers")]
     outcome: Annotated[str, Key("std_msgs/Bool, held at the top; the last one counts")]
     tf: Annotated[str, Key("tf2_msgs/TFMessage, frames that move")]
     tf_static: Annotated[str, Key("tf2_msgs/TFMessage, frames that do not")]
-    gripper: Annotated[
-        str | None, Key("of any type: its first message after the command closes the fingers; null: see finger_joints")
-    ]
+    gripper: Annotated[str | None, Key("its first message after the command closes the fingers; null: none")]
 
 
 @dataclass(frozen=True)
@@ -333,31 +331,27 @@ class Arm:
 
     achieved: Annotated[
         str,
-        Key(
-            "from topics.achieved, TF, or columns reached_... of what the trial was", one_of=("topic", "tf", "columns")
-        ),
+        Key("from topics.achieved, from TF, or from columns reached_...", one_of=("topic", "tf", "columns")),
     ]
     table_frame: Annotated[
         str | None,
-        Key("frame on the table below the image centre; null: where base_frame and the camera's frame in TF have it"),
+        Key("on the table below the image centre; null: where the image and TF show it"),
     ]
     table_z: Annotated[
         str,
         Key(
-            "z of table_frame: up (y is the image's -v) or down (y is +v, angles turn the other way)",
+            "of that frame; down: y is the image's +v, angles turn the other way",
             one_of=("up", "down"),
         ),
     ]
-    base_frame: Annotated[str, Key("frame that never moves, for a camera that does")]
-    gripper_frame: Annotated[str, Key("frame between the fingertips, for achieved: tf")]
+    base_frame: Annotated[str, Key("that never moves")]
+    gripper_frame: Annotated[str, Key("between the fingertips")]
     closing_axis: Annotated[
-        str, Key("of gripper_frame and of recorded poses: the jaws close along it", one_of=("x", "y", "z"))
+        str, Key("of gripper_frame and of recorded poses, along which the jaws close", one_of=("x", "y", "z"))
     ]
-    finger_joints: Annotated[tuple[str, ...] | None, Key("joints that close the fingers; null: none is recorded")]
+    finger_joints: Annotated[tuple[str, ...] | None, Key("that close the fingers; null: none is recorded")]
     finger_sign: Annotated[int, Key("1 where these grow as the fingers close, else -1", at_least=-1, at_most=1)]
-    finger_shut: Annotated[
-        float | None, Key("their mean where the fingers meet, m or rad: then nothing is held; null: not checked")
-    ]
+    finger_shut: Annotated[float | None, Key("their mean where the fingers meet, m or rad; null: not checked")]
 
 
 @dataclass(frozen=True)

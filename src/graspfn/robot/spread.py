@@ -3,7 +3,7 @@
 An error is a row (u [mm], v [mm], theta [degrees]): mean + offset of its session + N(0, Sigma), but for a few outliers.
 - Sigma is the spread about the mean of each session: what a new calibration moves as a whole is no spread.
 - Outliers are rows whose Mahalanobis distance, by the Sigma of all others, no row of a Gaussian sample of that size
-  would have but in one sample of a hundred. They are named, and left out of all else. The search starts from
+  would have but in one sample of twenty. They are named, and left out of all else. The search starts from
   Tyler's M-estimator, which a quarter of wild rows does not move.
 - Intervals are 95%: of a standard deviation chi-square; of the pooled one chi-square with Satterthwaite's degrees of
   freedom, which unequal or correlated axes lower; of a correlation Fisher's z; of the bias Student's t, over sessions
@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-FALSE_ALARM = 0.01  # share of Gaussian samples in which a row is taken for an outlier
+FALSE_ALARM = 0.05  # share of Gaussian samples in which a row is taken for an outlier
 AXES = ("u", "v", "theta")
 PAIRS = ((0, 1), (0, 2), (1, 2))
 START = 0.5  # share of the rows that the search for outliers starts from
