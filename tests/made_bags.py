@@ -74,10 +74,10 @@ def transform(seconds: float, parent: str, child: str, T: np.ndarray) -> dict[st
 def tool_pose(seconds: float) -> np.ndarray:
     """T_table_tool: it arrives before the fingers close, waits, and is elsewhere a second later."""
     if seconds < COMMAND_S + 1:
-        return grasp_frame(ACHIEVED + [0.2, 0.1, 0.3])
+        return grasp_frame(np.add(ACHIEVED, [0.2, 0.1, 0.3]))
     if seconds < SHUT_S + 0.5:
         return grasp_frame(ACHIEVED)
-    lifted = grasp_frame(ACHIEVED + [0.1, 0, 0])
+    lifted = grasp_frame(np.add(ACHIEVED, [0.1, 0, 0]))
     lifted[2, 3] = 0.3
     return lifted
 

@@ -249,7 +249,10 @@ TABLES = (
     "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)",
     f"INSERT INTO topics VALUES (1, '{TOPICS.commanded}', 'geometry_msgs/msg/PoseStamped', 'cdr')",
 )
-FOREVER = "WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) SELECT x AS id, 1 AS topic_id, x AS timestamp, '' AS data FROM c"
+FOREVER = (
+    "WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) "
+    "SELECT x AS id, 1 AS topic_id, x AS timestamp, '' AS data FROM c"
+)
 
 
 @pytest.mark.parametrize(
@@ -267,7 +270,7 @@ FOREVER = "WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) SELEC
         (*TABLES, "INSERT INTO messages VALUES (1, 1, 1, zeroblob(400000000))"),
         (*TABLES, ("INSERT INTO topics VALUES (2, ?, ?, ?)", (b"\xff", b"\xff", 3))),
         (TABLES[0], TABLES[2], f"CREATE VIEW messages AS {FOREVER}"),
-        (TABLES[1], "CREATE VIEW topics AS SELECT topic_id AS id, 'a' AS name, 'b' AS type, 'cdr' AS serialization_format "
+        (TABLES[1], "CREATE VIEW topics AS SELECT id, 'a' AS name, 'b' AS type, 'cdr' AS serialization_format "
          f"FROM ({FOREVER}) WHERE id < 0"),
         (*TABLES, "DROP TABLE messages", "CREATE TABLE messages(a, b)"),
     ],

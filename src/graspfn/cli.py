@@ -1,4 +1,4 @@
-"""`graspfn`: composing params.yaml, checking what the workflow needs, labelling one mesh. DVC runs the workflow."""
+"""`graspfn`: composing params.yaml, checking what the workflow needs, one mesh, folders of bags. DVC runs the rest."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def _options(
         False
     ),
 ) -> None:
-    """Parameters, checks, and the labels of one mesh; `dvc repro` runs the workflow."""
+    """Parameters, checks, the labels of one mesh, the recordings of a robot; `dvc repro` runs the workflow."""
 
 
 @app.command()
@@ -117,6 +117,32 @@ def trial(
         typer.echo(f"{key}: {value}")
     for line in undescribed(bag, said):
         typer.echo(line, err=True)
+
+
+@app.command()
+def logs(
+    paths: Annotated[list[Path], typer.Argument(help="Folders of bags, or bags.", metavar="PATH...")],
+    out: Annotated[Path | None, typer.Option(help="Folder to write the tables and Sigma to.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print all as JSON.")] = False,
+) -> None:
+    """Table 2 and the pose uncertainty of recordings, with the topics and frames of params.yaml.
+
+    For example: graspfn logs bags/monday bags/tuesday --out results
+    """
+    from graspfn.robot_logs import analyse_paths, as_dict, text, write  # scipy and pandas are slow to import
+
+    try:
+        params = validate(read_yaml(Path("params.yaml")))
+        found = analyse_paths(paths, params.topics, params.arm)
+        for reason in found.unused["reason"]:
+            typer.echo(f"left out: {reason}", err=True)
+        if out is not None:
+            write(out, found)
+    except ValueError as error:  # ParameterError, RecordingError
+        _end_at([str(error)], 2)
+    except OSError as error:
+        _end_at([f"--out {out}: cannot be written: {error.strerror}"], 2)
+    typer.echo(json.dumps(as_dict(found), indent=1, allow_nan=False) if as_json else text(found))
 
 
 def _problems() -> list[str]:

@@ -196,7 +196,7 @@ def _recorded(data: Path, trials: pd.DataFrame, params: Any) -> Recorded:
     table = read_table(folder)
 
     def read(file: str) -> TrialRecording:
-        return read_trial(folder / file, params.topics, params.arm, table.get(file))
+        return read_trial(folder / file, params.topics, params.arm, table.get(folder / file))
 
     first = read(order["file"].iloc[0])
     camera = _camera_of(first)

@@ -276,7 +276,8 @@ def caption2(table: pd.DataFrame, robot_trials: pd.DataFrame, scale: str) -> str
     """What Table 2 shows, with its counts and scale, and who made the recordings."""
     return (
         f"Table 2. Success rate on a robot, scale “{scale}”: {_span(table['trials'])} trials in each cell, on "
-        f"{_span(table['objects'])} objects. {who_recorded(robot_trials)} {_without_a_grasp(table)}{_pooled(robot_trials)}"
+        f"{_span(table['objects'])} objects. {who_recorded(robot_trials)} "
+        f"{_without_a_grasp(table)}{_pooled(robot_trials)}"
         "Brackets: 95% intervals with objects as clusters. Rows (paper): the figures printed by Johns, Leutenegger and "
         "Davison (2016), measured on a real Kinova MICO with 20 objects in five placements."
     )

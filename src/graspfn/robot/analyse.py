@@ -161,16 +161,16 @@ def measure(trials: pd.DataFrame) -> tuple[pd.DataFrame, tuple[Measured, ...]]:
 
 
 def analyse(
-    paths: Iterable[Path], topics: Topics, arm: Arm = ARM, table: Mapping[str, Mapping[str, str]] | None = None
+    paths: Iterable[Path], topics: Topics, arm: Arm = ARM, table: Mapping[Path, Mapping[str, str]] | None = None
 ) -> Analysis:
     """Bags are read one at a time; what stays of each is its row. table: what trials.csv says (`read_table`)."""
     rows, unused, left = [], [], dict(table or {})
     for path in sorted(paths):
         try:
-            rows.append(trial_row(path, topics, arm, left.pop(path.name, None)))
+            rows.append(trial_row(path, topics, arm, left.pop(path, None)))
         except RecordingError as error:
             unused.append({"file": path.name, "reason": str(error)})
-    unused += [{"file": name, "reason": f"{name}: {TABLE} names it, but there is no such bag"} for name in left]
+    unused += [{"file": bag.name, "reason": f"{bag}: {TABLE} names it, but there is no such bag"} for bag in left]
     trials = pd.DataFrame(rows)
     if len(rows):
         trials = trials.sort_values([*TRIAL, "file"], ignore_index=True)

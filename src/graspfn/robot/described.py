@@ -52,8 +52,8 @@ def read_sidecar(bag: Path) -> dict[str, str]:
     return values
 
 
-def read_table(folder: Path) -> dict[str, dict[str, str]]:
-    """What trials.csv of a folder says of each bag, by the bag's name; empty cells say nothing.
+def read_table(folder: Path) -> dict[Path, dict[str, str]]:
+    """What trials.csv of a folder says of each of its bags; empty cells say nothing.
 
     RecordingError for a table that cannot be read, or has two lines of one bag.
     """
@@ -64,18 +64,19 @@ def read_table(folder: Path) -> dict[str, dict[str, str]]:
         lines = list(csv.DictReader(io.StringIO(_text(path)), strict=True))
     except csv.Error as error:
         raise RecordingError(f"{path}: not CSV: {error}") from None
-    rows: dict[str, dict[str, str]] = {}
+    rows: dict[Path, dict[str, str]] = {}
     for number, line in enumerate(lines, start=2):
         name = line.pop(BAG, None)
         if not name:
             raise RecordingError(f"{path}: line {number} has no {BAG!r}, the column that names the bag")
-        if name in rows:
+        bag = folder / name
+        if bag in rows:
             raise RecordingError(f"{path}: line {number} is the second of {name}")
         if None in line or None in line.values():
             raise RecordingError(f"{path}: line {number} has not as many cells as the first line")
-        rows[name] = {key: value for key, value in line.items() if value}
+        rows[bag] = {key: value for key, value in line.items() if value}
         if "network" in line:
-            rows[name]["network"] = line["network"]  # none, of Centroid, is said by an empty cell
+            rows[bag]["network"] = line["network"]  # none, of Centroid, is said by an empty cell
     return rows
 
 
@@ -119,7 +120,7 @@ def undescribed(bag: Path, said: Mapping[str, str]) -> list[str]:
     try:
         with open_bag(bag, (), ()) as opened:
             own = opened.metadata.get(METADATA, {})
-        row = read_table(bag.parent).get(bag.name, {})
+        row = read_table(bag.parent).get(bag, {})
     except (RecordingError, OSError) as error:
         return [f"{bag}: {error}"]
     lines = [
