@@ -78,7 +78,7 @@ def as_dict(found: Analysis) -> dict[str, Any]:
     """All that was found, as JSON has it: no NaN."""
 
     def records(table: pd.DataFrame) -> list[dict[str, Any]]:
-        return [{key: _plain(value) for key, value in row.items()} for row in table.to_dict("records")]
+        return [{str(key): _plain(value) for key, value in row.items()} for row in table.to_dict("records")]
 
     return {
         "table2": records(tables.table2(found.trials)),
