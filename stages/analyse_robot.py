@@ -7,7 +7,7 @@ from graspfn.params import Declared
 from graspfn.robot.analyse import analyse
 from graspfn.robot.covariance_file import file_name, write_covariance
 from graspfn.robot.described import read_table
-from graspfn.robot.read import recordings, recordings_folder
+from graspfn.robot.read import recordings, source_of
 from graspfn.workflow.files import write_parquet
 from graspfn.workflow.stage import stage
 
@@ -21,23 +21,20 @@ TRIALS, UNCERTAINTY, UNUSED, COVARIANCE = (
 
 @stage("analyse_robot")
 def main(params: Declared) -> None:
-    folder = recordings_folder(params.robot)
-    found = analyse(recordings(folder), params.topics, params.arm, read_table(folder))
+    folder, arm = source_of(params.robot, params.arm)
+    found = analyse(recordings(folder), params.topics, arm, read_table(folder))
     for reason in found.unused["reason"]:
         print(f"left out: {reason}")
     found.check(params.robot.max_failed)
-    for trial in found.trials.to_dict("records"):
-        for odd in filter(None, (trial["flags"], trial["doubts"])):
-            print(f"{trial['file']}: {odd}")
+    for line in found.oddities():
+        print(line)
     write_parquet(TRIALS, found.trials)
     write_parquet(UNCERTAINTY, found.uncertainty)
     write_parquet(UNUSED, found.unused)
     shutil.rmtree(COVARIANCE, ignore_errors=True)
     for measured in found.measured:
         write_covariance(COVARIANCE / file_name(measured.label), measured)
-        if measured.outliers:
-            print(f"{measured.label}: outliers, not in Sigma: {', '.join(measured.outliers)}")
-    print(found.uncertainty.to_string(index=False))
+        print(measured.text())
 
 
 if __name__ == "__main__":

@@ -160,6 +160,8 @@ def test_values_that_cannot_be_are_named_and_not_in_sigma(tmp_path):
         assert says in doubts[at]
     assert (doubts != "").sum() == 3 and len(done.trials) == 24
     good = np.delete(errors, [3, 7, 11], axis=0)
+    odd = done.oddities()
+    assert len(odd) == 3 and all(": not in Sigma: " in line for line in odd)
     expected = spread(people_units(good))
     np.testing.assert_allclose(done.measured[0].spread.covariance, expected.covariance, rtol=1e-5)
 

@@ -17,11 +17,8 @@ from graspfn.robot.bag import is_bag
 from graspfn.robot.covariance_file import content, file_name, write_covariance
 from graspfn.robot.described import read_table
 from graspfn.robot.read import recordings
-from graspfn.robot.spread import AXES, Estimate
 from graspfn.robot.trial import RecordingError
 from graspfn.workflow.files import atomic
-
-UNITS = ("mm", "mm", "°")
 
 
 def analyse_paths(paths: Sequence[Path], topics: Topics, arm: Arm) -> Analysis:
@@ -31,7 +28,7 @@ def analyse_paths(paths: Sequence[Path], topics: Topics, arm: Arm) -> Analysis:
     for path in paths:
         if not path.exists() and not path.is_symlink():
             raise RecordingError(f"{path}: no such file or folder")
-        if path.is_dir() and not _is_one_bag(path):
+        if path.is_dir() and not is_bag(path):
             bags |= dict.fromkeys(recordings(path))
             rows |= read_table(path)
         else:
@@ -42,31 +39,9 @@ def analyse_paths(paths: Sequence[Path], topics: Topics, arm: Arm) -> Analysis:
     return found
 
 
-def _is_one_bag(folder: Path) -> bool:
-    """Whether a folder is rosbag2's own: a folder of many trials' files has no metadata.yaml."""
-    return is_bag(folder) and (folder / "metadata.yaml").exists()
-
-
-def _estimate(one: Estimate, unit: str, digits: int = 1) -> str:
-    if np.isnan(one.value):
-        return "–"
-    return f"{one.value:.{digits}f} [{one.low:.{digits}f}, {one.high:.{digits}f}] {unit}".strip()
-
-
 def text(found: Analysis) -> str:
     """Table 2, then Sigma of each condition, and what is odd about which trial."""
-    lines = [_table2(found), ""]
-    for measured in found.measured:
-        s = measured.spread
-        lines.append(f"{measured.label}: {s.rows} errors in {s.sessions} session{'s' * (s.sessions != 1)}")
-        for i, (axis, unit) in enumerate(zip(AXES, UNITS, strict=True)):
-            lines.append(f"  {axis:5}  sigma {_estimate(s.sigma[i], unit)}, bias {_estimate(s.bias[i], unit)}")
-        lines.append(f"  correlation of u and v {_estimate(s.correlation[0], '', 2)}; Gaussian: p = {s.normality:.2g}")
-        if measured.outliers:
-            lines.append(f"  outliers, left out of these: {', '.join(measured.outliers)}")
-    for trial in found.trials.to_dict("records"):
-        lines += [f"{trial['file']}: {odd}" for odd in (trial["flags"], trial["doubts"]) if odd]
-    return "\n".join(lines)
+    return "\n".join([_table2(found), "", *(measured.text() for measured in found.measured), *found.oddities()])
 
 
 def _table2(found: Analysis) -> str:

@@ -23,7 +23,7 @@ from graspfn.reporting.parameters import Parameter, flat_parameters
 from graspfn.reporting.plans import graspable_objects, plans_of
 from graspfn.reporting.sizes import widths
 from graspfn.robot.described import read_table
-from graspfn.robot.read import ANY_TABLE, read_trial, recordings_folder
+from graspfn.robot.read import ANY_TABLE, read_trial, source_of
 from graspfn.robot.trial import TrialRecording
 from graspfn.seeds import generator
 from graspfn.workflow.files import read_npz
@@ -192,11 +192,13 @@ def _recorded(data: Path, trials: pd.DataFrame, params: Any) -> Recorded:
     order = trials.assign(robust=trials["method"] != "Robust Best Grasp", failed=~trials["success"])
     order = order.sort_values(["failed", "robust", "sigma_uv_mm", "object", "placement", "network"])
     chosen = order[~order["failed"]].drop_duplicates("object").head(SHOWN_GRASPS)
-    folder = data / "recordings" if params.robot.source == "simulated" else recordings_folder(params.robot)
+    folder, arm = source_of(params.robot, params.arm)
+    if params.robot.source == "simulated":
+        folder = data / "recordings"
     table = read_table(folder)
 
     def read(file: str) -> TrialRecording:
-        return read_trial(folder / file, params.topics, params.arm, table.get(folder / file))
+        return read_trial(folder / file, params.topics, arm, table.get(folder / file))
 
     first = read(order["file"].iloc[0])
     camera = _camera_of(first)

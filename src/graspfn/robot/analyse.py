@@ -24,6 +24,7 @@ from graspfn.robot.trial import INJECTED, RecordingError
 ASSUMED = ["sigma_uv_mm", "sigma_theta_deg"]
 CONDITION = [*ASSUMED, *INJECTED]
 TRIAL = ["object", "placement", "method", "network", *CONDITION, "session"]
+FEW = 3  # bags that a line names one by one
 UNITS = dict(zip(AXES, ("mm", "mm", "deg"), strict=True))
 
 
@@ -35,6 +36,17 @@ class Measured:
     spread: Spread
     outliers: tuple[str, ...]
 
+    def text(self) -> str:
+        """A few lines for people."""
+        s = self.spread
+        lines = [f"{self.label}: {s.rows} errors in {s.sessions} session{'s' * (s.sessions != 1)}"]
+        for i, (axis, unit) in enumerate(UNITS.items()):
+            lines.append(f"  {axis:5}  sigma {s.sigma[i]} {unit}, bias {s.bias[i]} {unit}")
+        lines.append(f"  correlation of u and v {s.correlation[0]}; Gaussian: p = {s.normality:.2g}")
+        if self.outliers:
+            lines.append(f"  outliers, left out of these: {', '.join(self.outliers)}")
+        return "\n".join(lines)
+
 
 @dataclass(frozen=True, eq=False)
 class Analysis:
@@ -45,6 +57,14 @@ class Analysis:
     uncertainty: pd.DataFrame
     unused: pd.DataFrame
     measured: tuple[Measured, ...]
+
+    def oddities(self) -> list[str]:
+        """A line for every trial whose reached pose measures nothing, and for every flag, of how many bags."""
+        lines = [f"{t['file']}: not in Sigma: {t['doubts']}" for t in self.trials.to_dict("records") if t["doubts"]]
+        flagged = self.trials[self.trials["flags"] != ""]
+        for flag, files in flagged.groupby("flags")["file"]:
+            lines.append(f"{', '.join(files) if len(files) <= FEW else f'{len(files)} bags'}: {flag}")
+        return lines
 
     def check(self, max_failed: float) -> None:
         """RecordingError where no trial is left, or more than this share of the bags could not be used."""

@@ -5,6 +5,7 @@ folder of such files, which are the parts of one recording.
 from __future__ import annotations
 
 import os
+import re
 import sqlite3
 import stat
 import tempfile
@@ -47,12 +48,14 @@ class Bag:
 
 
 def is_bag(path: Path) -> bool:
-    """By its name, whether a path is a bag of its own."""
+    """By its name, whether a path is a bag of its own; a folder is by its list, or if its files are named as parts."""
     if path.name.startswith("."):
         return False
     if path.is_dir():
         try:
-            return (path / LIST).exists() or any(child.name.endswith(SUFFIXES) for child in path.iterdir())
+            names = [child.name for child in path.iterdir() if child.name.endswith(SUFFIXES)]
+            part = re.compile(re.escape(path.name) + r"_\d+\.")
+            return (path / LIST).exists() or (bool(names) and all(part.match(name) for name in names))
         except OSError:
             return True  # and whoever reads it is told why not
     return path.name.endswith(SUFFIXES)

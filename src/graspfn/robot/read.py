@@ -30,7 +30,7 @@ from graspfn.robot.described import TABLE, description
 from graspfn.robot.mcap_file import Raw
 from graspfn.robot.messages import SCHEMAS
 from graspfn.robot.target import DOWN, target_in_image
-from graspfn.robot.tf import Frames, rigid, stamp_ns
+from graspfn.robot.tf import NEAR_S, Frames, clock_offset_ns, rigid, stamp_ns
 from graspfn.robot.trial import (
     FRAME,
     PLANNED,
@@ -84,6 +84,7 @@ class _Trial:
     def __post_init__(self) -> None:
         self._factory = DecoderFactory()
         self._schemas: dict[Any, Schema] = {}
+        self._frames: dict[int, Frames] = {}
         self.planned = was_planned(self.said)
         self.flags, self.doubts = list(self.bag.flags), list[str]()
 
@@ -232,13 +233,23 @@ class _Trial:
         return bool(self.arm.finger_joints or self.topics.gripper)
 
     @cached_property
-    def frames(self) -> Frames:
-        return Frames(*([(raw.time_ns, self.decode(key, raw)) for raw in self.raw(key)] for key in ("tf", "tf_static")))
+    def clock_offset_ns(self) -> int:
+        return clock_offset_ns((raw.time_ns, self.decode("tf", raw)) for raw in self.raw("tf")[:20])
+
+    def frames(self, stamp: int) -> Frames:
+        """Around a moment [ns] of the transforms' clock."""
+        if stamp not in self._frames:
+            logged, near = stamp - self.clock_offset_ns, NEAR_S * 1e9
+            moving = [raw for raw in self.raw("tf") if abs(raw.time_ns - logged) <= near]
+            found = {"tf": moving, "tf_static": self.raw("tf_static")}
+            self._frames[stamp] = Frames(
+                *([(raw.time_ns, self.decode(key, raw)) for raw in raws] for key, raws in found.items())
+            )
+        return self._frames[stamp]
 
     def stamp(self, logged_ns: int) -> int:
         """A moment of the recorder's clock by that of the transforms."""
-        offsets = self.frames.offsets_ns
-        return logged_ns + (int(np.median(offsets)) if offsets else 0)
+        return logged_ns + self.clock_offset_ns
 
     def T_table(self, frame: str, stamp: int) -> np.ndarray:
         """T_table_frame (4, 4) at a moment [ns] of the transforms' clock, the table's z up."""
@@ -246,20 +257,21 @@ class _Trial:
         if frame == self.arm.table_frame:
             return flip
         if self.arm.table_frame is not None:
-            return flip @ self.frames.lookup(self.arm.table_frame, frame, stamp)
+            return flip @ self.frames(stamp).lookup(self.arm.table_frame, frame, stamp)
         try:
             T_table_camera = fit_table(self.depth, self.camera, ANY_TABLE).T_world_camera
         except TableError as error:
             raise RecordingError(f"topic {self.topics.depth}: {error}") from None
         seen = stamp_ns(self.image.header) or self.stamp(self.last_before_plan("depth").time_ns)
-        T_base_camera = self.frames.lookup(self.arm.base_frame, self.image.header.frame_id.lstrip("/"), seen)
-        return T_table_camera @ np.linalg.inv(T_base_camera) @ self.frames.lookup(self.arm.base_frame, frame, stamp)
+        camera = self.image.header.frame_id.lstrip("/")
+        T_camera_base = self.frames(seen).lookup(camera, self.arm.base_frame, seen)
+        return T_table_camera @ T_camera_base @ self.frames(stamp).lookup(self.arm.base_frame, frame, stamp)
 
     def pose(self, logged_ns: int, stamped: Any) -> np.ndarray:
         """(3,) of a PoseStamped in whatever frame."""
         frame = stamped.header.frame_id.lstrip("/")
         stamp = stamp_ns(stamped.header) or self.stamp(logged_ns)
-        if frame == FRAME and frame not in self.frames and self.arm.table_frame in (FRAME, None):
+        if frame == FRAME and frame not in self.frames(stamp) and self.arm.table_frame in (FRAME, None):
             T_table_frame = DOWN if self.arm.table_z == "down" else np.eye(4)
         else:
             T_table_frame = self.T_table(frame, stamp)
@@ -311,8 +323,9 @@ class _Trial:
 
     def recording(self) -> TrialRecording:
         condition = Condition.from_metadata(self.said)
+        command_ns = self.command_ns or 0
         success, depth, camera = self.success, self.depth, self.camera
-        if self.raw("outcome") and self.raw("outcome")[-1].time_ns < (self.command_ns or 0):
+        if self.raw("outcome") and self.raw("outcome")[-1].time_ns < command_ns:
             raise RecordingError(f"topic {self.topics.outcome}: the verdict comes before the commanded pose")
         commanded, achieved = self.commanded, self.achieved
         names, time_s, positions = self.joints
@@ -364,6 +377,6 @@ def recordings(folder: Path) -> list[Path]:
     return found
 
 
-def recordings_folder(robot: Robot) -> Path:
-    """Where the bags lie: those of the user stay where they are."""
-    return Path(robot.folder) if robot.source == "folder" else RECORDINGS
+def source_of(robot: Robot, arm: Arm) -> tuple[Path, Arm]:
+    """Where the bags lie, those of the user where they are, and how they tell where the gripper was."""
+    return (Path(robot.folder), arm) if robot.source == "folder" else (RECORDINGS, ARM)

@@ -17,6 +17,9 @@ from scipy.spatial.transform import Rotation, Slerp
 from graspfn.robot.trial import RecordingError
 
 LATE_S = 0.1  # before the first or after the last transform of a frame it is taken to be where it is then
+NEAR_S = (
+    0.6  # that frames are read before and after the moment that they are asked for: /tf may have thousands a second
+)
 GAP_S = 0.5  # between two transforms; over a longer gap nothing is interpolated
 
 
@@ -39,17 +42,17 @@ class _Track:
 
     parent: str
     static: bool
+    conflict: str = ""  # told to who asks for the frame: others are no business of theirs
     times: list[int] = field(default_factory=list)
     transforms: list[Any] = field(default_factory=list)  # messages, which few of are ever looked at
 
 
 class Frames:
-    """The tree of frames of a bag."""
+    """The tree of frames around one moment of a bag."""
 
     def __init__(self, moving: Iterable[tuple[int, Any]], static: Iterable[tuple[int, Any]]):
-        """moving, static: (when logged [ns], tf2_msgs/TFMessage)."""
+        """moving, static: (when logged [ns], tf2_msgs/TFMessage); of moving ones those of NEAR_S before and after."""
         self._tracks: dict[str, _Track] = {}
-        self.offsets_ns: list[int] = []  # stamp less when it was logged
         for messages, fixed in ((static, True), (moving, False)):
             for logged, message in messages:
                 for transform in message.transforms:
@@ -63,15 +66,13 @@ class Frames:
         parent, child = transform.header.frame_id.lstrip("/"), transform.child_frame_id.lstrip("/")
         track = self._tracks.setdefault(child, _Track(parent, static))
         if track.parent != parent:
-            raise RecordingError(f"frame {child!r} hangs from both {track.parent!r} and {parent!r}")
+            track.conflict = f"frame {child!r} hangs from both {track.parent!r} and {parent!r}"
         if track.static != static:
-            raise RecordingError(f"frame {child!r} is both in topics.tf and in topics.tf_static")
+            track.conflict = f"frame {child!r} is both in topics.tf and in topics.tf_static"
         if static:
             track.times, track.transforms = [0], [transform.transform]
             return
-        stamp = stamp_ns(transform.header) or logged
-        self.offsets_ns.append(stamp - logged)
-        track.times.append(stamp)
+        track.times.append(stamp_ns(transform.header) or logged)
         track.transforms.append(transform.transform)
 
     def __contains__(self, frame: str) -> bool:
@@ -82,7 +83,8 @@ class Frames:
         for frame in (target, source):
             if frame not in self:
                 known = sorted({name for child, track in self._tracks.items() for name in (child, track.parent)})
-                raise RecordingError(f"no frame {frame!r} in TF; there are {', '.join(known) or 'none'}")
+                where = f"within {NEAR_S} s of the moment asked for; there are {', '.join(known) or 'none'}"
+                raise RecordingError(f"no frame {frame!r} in TF {where}")
         up_target, up_source = self._ancestors(target), self._ancestors(source)
         common = next((frame for frame in up_source if frame in up_target), None)
         if common is None:
@@ -93,8 +95,10 @@ class Frames:
 
     def _ancestors(self, frame: str) -> list[str]:
         line = [frame]
-        while line[-1] in self._tracks:
-            line.append(self._tracks[line[-1]].parent)
+        while track := self._tracks.get(line[-1]):
+            if track.conflict:
+                raise RecordingError(track.conflict)
+            line.append(track.parent)
             if line[-1] in line[:-1]:
                 raise RecordingError(f"TF runs in a circle at frame {line[-1]!r}")
         return line
@@ -136,3 +140,14 @@ class Frames:
 def stamp_ns(header: Any) -> int:
     """Of a std_msgs/Header; 0 where it is unset."""
     return int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec)
+
+
+def clock_offset_ns(moving: Iterable[tuple[int, Any]]) -> int:
+    """Stamps of transforms less when they were logged: the arm's clock may not be the recorder's."""
+    offsets = [
+        stamp_ns(transform.header) - logged
+        for logged, message in moving
+        for transform in message.transforms
+        if stamp_ns(transform.header)
+    ]
+    return int(np.median(offsets)) if offsets else 0
