@@ -12,7 +12,7 @@ import numpy as np
 
 from graspfn.robot.spread import PAIRS, spread
 
-SIZES = (20, 50, 200, 1000)
+SIZES = (20, 50, 200)
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def coverage(case: Case, n: int, samples: int, seed: int = 0) -> np.ndarray:
 
 
 def main() -> None:
-    samples = int(sys.argv[1]) if len(sys.argv) > 1 else 4000
+    samples = int(sys.argv[1]) if len(sys.argv) > 1 else 3000
     print("| errors | trials |", " | ".join(NAMES), "|")
     print("|---|---|" + "---|" * len(NAMES))
     for name, case in CASES.items():

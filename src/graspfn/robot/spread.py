@@ -163,14 +163,19 @@ def _within(errors: np.ndarray, session: np.ndarray, clean: np.ndarray) -> np.nd
     z = residual[told] / np.sqrt(factor[told])[:, None]
     inside = clean[told]
     squares = z[inside].T @ (z[inside] * factor[told][inside][:, None])
-    left = freedom - inside
-    # Of a clean row itself left out, by Sherman and Morrison: the sum of squares without it.
+    left = freedom - inside  # of a clean row itself left out, by Sherman and Morrison: the sum of squares without it
     m = np.einsum("ni,ij,nj->n", z, np.linalg.pinv(squares), z)
     rest = np.where(inside, m / np.maximum(1 - m, 1e-12), m) * left
-    limit = 3 * left / np.maximum(left - 2, 1) * stats.f.ppf(1 - FALSE_ALARM / len(errors), 3, np.maximum(left - 2, 1))
+    limits = [_limit(freedom - one, len(errors)) for one in (0, 1)]
     within = np.ones(len(errors), dtype=bool)
-    within[told] = rest <= limit
+    within[told] = rest <= np.where(inside, limits[1], limits[0])
     return within
+
+
+def _limit(freedom: int, rows: int) -> float:
+    """Hotelling's T² that none of so many rows exceeds but in one sample of twenty."""
+    free = max(freedom - 2, 1)
+    return float(3 * freedom / free * stats.f.ppf(1 - FALSE_ALARM / rows, 3, free))
 
 
 def spread(errors: np.ndarray, session: np.ndarray | None = None) -> Spread:
