@@ -143,7 +143,8 @@ def changed(folder: Path) -> set[str]:
         return {name.rpartition(":")[2] for name in repo.status(list(LABELS), with_deps=True)}
 
 
-QUIET = "workflow imaging learning planning evaluation robot reporting params.py compose.py cli.py label_mesh.py robot_logs.py"
+QUIET = "workflow imaging learning planning evaluation robot reporting params.py compose.py cli.py label_mesh.py"
+QUIET += " robot_logs.py"
 
 
 # DVC asks pygtrie for what it will one day no longer give.

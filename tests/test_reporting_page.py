@@ -231,6 +231,12 @@ def test_the_page_says_what_it_must(parsed, inputs):
     text = " ".join("".join(parsed.text).split())
     assert "made <up> & tiny" in text  # escaped, not interpreted
     assert "All 12 recordings were made by a simulated robot" in text
+    for heading in ("σu, mm", "ρuv", "bias u, mm", "bias θ, °", "outliers"):
+        assert heading in text
+    row = inputs.robot_uncertainty.iloc[0]
+    for key in ("estimated_u_mm", "bias_theta_deg"):  # each with its interval
+        assert f"{row[key]:.1f} [{row[key + '_low']:.1f}, {row[key + '_high']:.1f}]" in text
+    assert f"{row['condition']}" in text and "assumed" in row["condition"]
     assert "train objects left out: rolled away1" in text
     assert "Rejected becauseMeshes flat1" in text
     assert "madeCC0 & more33621" in text
