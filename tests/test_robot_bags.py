@@ -245,6 +245,8 @@ def test_the_fingers_close_after_they_opened():
         assert found == pytest.approx(3.0, abs=0.06)
     gaps = np.where(np.arange(601) % 2, np.nan, way)[:, None]
     assert closing_s(time, gaps, 1) == pytest.approx(3.0, abs=0.06)
+    again = np.interp(time, [0, 3, 3.3, 4, 4.3, 5, 6], [0.1, 0.1, 0.35, 0.35, 0.1, 0.1, 0.8])  # lets go again
+    assert closing_s(time, again[:, None], 1) == pytest.approx(3.0, abs=0.06)
     assert closing_s(time, np.full((601, 1), 0.1), 1) is None
     assert closing_s(time[:0], np.zeros((0, 1)), 1) is None
 
@@ -401,6 +403,31 @@ def test_the_last_press_of_the_verdict_counts(tmp_path):
     assert not back.success and "the verdict changed" in back.flags[-1]
     path = write_mcap(tmp_path / "b.mcap", without(TOPICS.outcome), SAID | {"verdict": "held"})
     assert_read(read_trial(path, TOPICS, ARM))
+
+
+def test_between_two_transforms_a_frame_turns_evenly():
+    """Half of the way and half of the turn in half of the time; a static one below it goes along."""
+    from scipy.spatial.transform import Rotation
+
+    from graspfn.robot.tf import Frames
+
+    turned = np.eye(4)
+    turned[:3, :3], turned[:3, 3] = Rotation.from_rotvec([0, 0, 1.0]).as_matrix(), [0.2, 0, 0.4]
+    hand = np.eye(4)
+    hand[:3, 3] = 0, 0.1, 0
+
+    def message(*transforms):
+        def plain(value):
+            return SimpleNamespace(**{k: plain(v) for k, v in value.items()}) if isinstance(value, dict) else value
+
+        return at(0), SimpleNamespace(transforms=[plain(one) for one in transforms])
+
+    moving = [message(transform(0.4, "base", "arm", turned), transform(0, "base", "arm", np.eye(4)))]
+    frames = Frames(moving, [message(transform(0, "arm", "hand", hand))])
+    found = frames.lookup("base", "hand", at(0.1))
+    np.testing.assert_allclose(Rotation.from_matrix(found[:3, :3]).as_rotvec(), [0, 0, 0.25], atol=1e-9)
+    np.testing.assert_allclose(found[:3, 3], [0.05 - 0.1 * np.sin(0.25), 0.1 * np.cos(0.25), 0.1], atol=1e-9)
+    np.testing.assert_allclose(frames.lookup("hand", "base", at(0.1)) @ found, np.eye(4), atol=1e-12)
 
 
 def random_pose(rng):

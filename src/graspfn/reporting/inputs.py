@@ -23,7 +23,8 @@ from graspfn.reporting.parameters import Parameter, flat_parameters
 from graspfn.reporting.plans import graspable_objects, plans_of
 from graspfn.reporting.sizes import widths
 from graspfn.robot.described import read_table
-from graspfn.robot.read import ANY_TABLE, read_trial, source_of
+from graspfn.robot.places import ANY_TABLE
+from graspfn.robot.read import read_trial, source_of
 from graspfn.robot.trial import TrialRecording
 from graspfn.seeds import generator
 from graspfn.workflow.files import read_npz

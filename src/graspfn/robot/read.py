@@ -9,28 +9,23 @@ is odd is said in `TrialRecording.flags`; what keeps a reached pose from being a
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.records import Schema
-from mcap_ros2.decoder import DecoderFactory
 
 from graspfn.imaging.camera import Camera
-from graspfn.imaging.table import TableError, fit_table
-from graspfn.params import Arm, Robot, Table, Topics
+from graspfn.params import Arm, Robot, Topics
 from graspfn.robot import decode, plausible
-from graspfn.robot.bag import Bag, is_bag, open_bag, telling_damage
+from graspfn.robot.bag import is_bag, open_bag, telling_damage
 from graspfn.robot.closing import closing_s
 from graspfn.robot.described import TABLE, description
 from graspfn.robot.mcap_file import Raw
-from graspfn.robot.messages import SCHEMAS
-from graspfn.robot.target import DOWN, target_in_image
-from graspfn.robot.tf import NEAR_S, Frames, clock_offset_ns, rigid, stamp_ns
+from graspfn.robot.places import Places, View
+from graspfn.robot.topics import Messages, lazy, naming, wanted
 from graspfn.robot.trial import (
     FRAME,
     PLANNED,
@@ -41,31 +36,8 @@ from graspfn.robot.trial import (
     was_planned,
 )
 
-KINDS = {
-    "depth": ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"),
-    "camera_info": ("sensor_msgs/msg/CameraInfo",),
-    "commanded": ("geometry_msgs/msg/PoseStamped",),
-    "achieved": ("geometry_msgs/msg/PoseStamped",),
-    "joints": ("sensor_msgs/msg/JointState",),
-    "outcome": ("std_msgs/msg/Bool",),
-    "tf": ("tf2_msgs/msg/TFMessage",),
-    "tf_static": ("tf2_msgs/msg/TFMessage",),
-}
 RECORDINGS = Path("data/recordings")  # of the simulated robot
-LAZY = ("depth", "gripper")  # left in the file; of the gripper's commands only the times are of use
 ARM = Arm("topic", FRAME, "up", "base_link", "gripper", "x", None, 1, None)  # whose poses are all in the frame `table`
-THIN_NS = 5_000_000
-# What a recorded image may be drawn over: any table that a camera from above sees.
-ANY_TABLE = Table(fit=True, max_tilt_deg=20, min_inliers=0.05, max_rms_mm=20, max_offset_mm=1e4)
-
-
-@contextmanager
-def _naming(topic: str) -> Iterator[None]:
-    """Errors say which topic the message came on."""
-    try:
-        yield
-    except RecordingError as error:
-        raise RecordingError(f"topic {topic}: {error}") from None
 
 
 def _count(items: list[Any]) -> str:
@@ -76,45 +48,15 @@ def _count(items: list[Any]) -> str:
 class _Trial:
     """What is found out of one bag, step by step. said: what the trial was."""
 
-    bag: Bag
-    topics: Topics
+    messages: Messages
     arm: Arm
     said: Mapping[str, str]
 
     def __post_init__(self) -> None:
-        self._factory = DecoderFactory()
-        self._schemas: dict[Any, Schema] = {}
-        self._frames: dict[int, Frames] = {}
+        bag = self.messages.bag
+        self.topics, self.raw, self.decode = self.messages.topics, self.messages.raw, self.messages.decode
         self.planned = was_planned(self.said)
-        self.flags, self.doubts = list(self.bag.flags), list[str]()
-
-    def raw(self, key: str) -> list[Raw]:
-        topic = getattr(self.topics, key)
-        return [] if topic is None else self.bag.found[topic]
-
-    def decode(self, key: str, raw: Raw) -> Any:
-        """A message as its fields."""
-        topic, kinds = raw.topic, KINDS[key]
-        if topic.kind not in kinds:
-            raise RecordingError(f"topic {topic.name} carries {topic.kind}; it takes {' or '.join(kinds)}")
-        if topic.encoding != "cdr":
-            raise RecordingError(f"topic {topic.name} is encoded as {topic.encoding!r}; it takes cdr, as ROS 2 writes")
-        # A bag of an old recorder, or with definitions in another language, has none of use: the type's name tells.
-        text = topic.definition or SCHEMAS[topic.kind].encode()
-        schema = self._schemas.setdefault(topic, Schema(len(self._schemas) + 1, text, "ros2msg", topic.kind))
-        decoder = self._factory.decoder_for("cdr", schema)
-        assert decoder is not None
-        return decoder(self.bag.data(raw))
-
-    def thinned(self, key: str) -> Iterator[Raw]:
-        """Of each publisher on a topic no more than one message in THIN_NS: some publish every millisecond."""
-        last: dict[Any, int] = {}
-        for raw in self.raw(key):
-            data = self.bag.data(raw)
-            publisher = len(data), data[12:140]  # the names of its joints, after the stamp
-            if raw.time_ns - last.get(publisher, -THIN_NS) >= THIN_NS:
-                last[publisher] = raw.time_ns
-                yield raw
+        self.flags, self.doubts = list(bag.flags), list(bag.jumps)
 
     @cached_property
     def commanded_message(self) -> Any:
@@ -170,23 +112,31 @@ class _Trial:
 
     @cached_property
     def depth(self) -> np.ndarray:
-        with _naming(self.topics.depth):
+        with naming(self.topics.depth):
             depth = decode.depth(self.image)
             decode.check_distance(depth)
         return depth
 
     @cached_property
     def camera(self) -> Camera:
-        with _naming(self.topics.camera_info):
+        with naming(self.topics.camera_info):
             info = self.decode("camera_info", self.last_before_plan("camera_info"))
             height, width = self.depth.shape
             K = decode.camera_matrix(info, (height, width))
             return Camera(width, height, (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), decode.distortion(info))
 
+    @property
+    def places(self) -> Places:
+        """Not kept: it would hold the trial, and the trial it, and the memory both."""
+        return Places(self.messages, self.arm, self.view)
+
+    def view(self) -> View:
+        return View(self.image.header, self.last_before_plan("depth").time_ns, self.depth, self.camera)
+
     @cached_property
     def joints(self) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
         """Names, times [s] since zero_ns by the recorder's clock, positions."""
-        messages = [(raw.time_ns, self.decode("joints", raw)) for raw in self.thinned("joints")]
+        messages = [(raw.time_ns, self.decode("joints", raw)) for raw in self.messages.thinned("joints")]
         self.doubts += plausible.clock_jumps(messages, self.topics.joints)
         return decode.joints(messages, self.zero_ns)
 
@@ -222,7 +172,7 @@ class _Trial:
             return found[0].time_ns
         if not self.arm.finger_joints:
             raise RecordingError("nothing tells when the fingers close; arm.finger_joints or topics.gripper does")
-        with _naming(self.topics.joints):
+        with naming(self.topics.joints):
             seconds = closing_s(*self.fingers, self.arm.finger_sign)
             if seconds is None:
                 raise RecordingError(f"{', '.join(self.arm.finger_joints)} never closed")
@@ -233,60 +183,14 @@ class _Trial:
         return bool(self.arm.finger_joints or self.topics.gripper)
 
     @cached_property
-    def clock_offset_ns(self) -> int:
-        return clock_offset_ns((raw.time_ns, self.decode("tf", raw)) for raw in self.raw("tf")[:20])
-
-    def frames(self, stamp: int) -> Frames:
-        """Around a moment [ns] of the transforms' clock."""
-        if stamp not in self._frames:
-            logged, near = stamp - self.clock_offset_ns, NEAR_S * 1e9
-            moving = [raw for raw in self.raw("tf") if abs(raw.time_ns - logged) <= near]
-            found = {"tf": moving, "tf_static": self.raw("tf_static")}
-            self._frames[stamp] = Frames(
-                *([(raw.time_ns, self.decode(key, raw)) for raw in raws] for key, raws in found.items())
-            )
-        return self._frames[stamp]
-
-    def stamp(self, logged_ns: int) -> int:
-        """A moment of the recorder's clock by that of the transforms."""
-        return logged_ns + self.clock_offset_ns
-
-    def T_table(self, frame: str, stamp: int) -> np.ndarray:
-        """T_table_frame (4, 4) at a moment [ns] of the transforms' clock, the table's z up."""
-        flip = DOWN if self.arm.table_z == "down" else np.eye(4)
-        if frame == self.arm.table_frame:
-            return flip
-        if self.arm.table_frame is not None:
-            return flip @ self.frames(stamp).lookup(self.arm.table_frame, frame, stamp)
-        try:
-            T_table_camera = fit_table(self.depth, self.camera, ANY_TABLE).T_world_camera
-        except TableError as error:
-            raise RecordingError(f"topic {self.topics.depth}: {error}") from None
-        seen = stamp_ns(self.image.header) or self.stamp(self.last_before_plan("depth").time_ns)
-        camera = self.image.header.frame_id.lstrip("/")
-        T_camera_base = self.frames(seen).lookup(camera, self.arm.base_frame, seen)
-        return T_table_camera @ T_camera_base @ self.frames(stamp).lookup(self.arm.base_frame, frame, stamp)
-
-    def pose(self, logged_ns: int, stamped: Any) -> np.ndarray:
-        """(3,) of a PoseStamped in whatever frame."""
-        frame = stamped.header.frame_id.lstrip("/")
-        stamp = stamp_ns(stamped.header) or self.stamp(logged_ns)
-        if frame == FRAME and frame not in self.frames(stamp) and self.arm.table_frame in (FRAME, None):
-            T_table_frame = DOWN if self.arm.table_z == "down" else np.eye(4)
-        else:
-            T_table_frame = self.T_table(frame, stamp)
-        T_frame_pose = rigid(stamped.pose.position, stamped.pose.orientation)
-        return target_in_image(T_table_frame @ T_frame_pose, self.arm.closing_axis)
-
-    @cached_property
     def commanded(self) -> np.ndarray | None:
         if not self.planned:
             return None
         given = pose_of(self.said)
         if given is not None or self.commanded_message is None:
             return given
-        with _naming(self.topics.commanded):
-            return self.pose(*self.commanded_message)
+        with naming(self.topics.commanded):
+            return self.places.pose(*self.commanded_message)
 
     @cached_property
     def achieved(self) -> np.ndarray | None:
@@ -301,8 +205,7 @@ class _Trial:
                 raise RecordingError("what the trial was lacks reached_u_mm, reached_v_mm, reached_theta_deg")
             return reached
         if self.arm.achieved == "tf":
-            T = self.T_table(self.arm.gripper_frame, self.stamp(self.closing_ns))
-            return target_in_image(T, self.arm.closing_axis)
+            return self.places.gripper(self.closing_ns)
         found = self.raw("achieved")
         if not found:
             raise RecordingError(f"no message on topic {self.topics.achieved}")
@@ -318,8 +221,8 @@ class _Trial:
                 raise RecordingError(f"no message on topic {self.topics.achieved} before the fingers close")
             chosen = earlier[-1]
         self.doubts += plausible.order(self.command_ns, chosen.time_ns, self.topics.achieved)
-        with _naming(self.topics.achieved):
-            return self.pose(chosen.time_ns, self.decode("achieved", chosen))
+        with naming(self.topics.achieved):
+            return self.places.pose(chosen.time_ns, self.decode("achieved", chosen))
 
     def recording(self) -> TrialRecording:
         condition = Condition.from_metadata(self.said)
@@ -333,7 +236,6 @@ class _Trial:
             plausible.check_fingers(self.fingers[1], self.arm)
         if commanded is not None and achieved is not None:
             self.doubts += plausible.reached(commanded, achieved, condition)
-        self.doubts += self.bag.jumps
         return TrialRecording(
             condition=condition,
             depth=depth,
@@ -355,12 +257,11 @@ def read_trial(path: Path, topics: Topics, arm: Arm = ARM, row: Mapping[str, str
 
     row: what trials.csv says of it, if there is one (`described.read_table`).
     """
-    wanted = [topic for key in (*KINDS, "gripper") if (topic := getattr(topics, key))]
     try:
-        with open_bag(path, wanted, [topic for key in LAZY if (topic := getattr(topics, key))]) as bag:
+        with open_bag(path, wanted(topics), lazy(topics)) as bag:
             try:
                 with telling_damage():
-                    return _Trial(bag, topics, arm, description(path, bag.metadata, row or {})).recording()
+                    return _Trial(Messages(bag, topics), arm, description(path, bag.metadata, row or {})).recording()
             except RecordingError as error:
                 raise RecordingError("; ".join([str(error), *bag.flags])) from None
     except RecordingError as error:
