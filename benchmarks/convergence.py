@@ -15,8 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-from isolated import finished, isolated
-from objects import NUDGE, committed, resting_objects, rig_of, touching
+from objects import NUDGE, committed, finished, resting_objects, results_of, rig_of, touching
 from worlds import WatchedGrasper
 
 from graspfn.evaluation.statistics import paired_difference, proportion
@@ -113,7 +112,7 @@ def main() -> None:
     rig = varied(rig_of(params), time_step_ms=step, detector=detector)
     tasks = [(name, resting, rig, arguments.attempts, params.seed) for name, resting in objects]
     names = (name for name, _ in objects)
-    tables = [table for _, table in finished(names, isolated(study, tasks, arguments.workers, "study"))]
+    tables = [table for _, table in finished(names, results_of(study, tasks, arguments.workers, "study"))]
     print(f"{detector}, time step {step:g} ms")
     print_changes(pd.concat(tables))
     print_contacts(pd.concat(tables))

@@ -21,9 +21,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from convex import SOLIDS, convex_objects
-from isolated import finished, isolated
 from mujoco_grasp import ADVISED, MujocoGrasper
-from objects import NUDGE, committed, rig_of, touching
+from objects import NUDGE, committed, finished, results_of, rig_of, touching
 
 from graspfn.evaluation.statistics import proportion
 from graspfn.geometry.transforms import apply
@@ -141,7 +140,7 @@ def main() -> None:
     tasks = [(name, resting, params, arguments.attempts) for name, resting in objects]
     rows, lost, seconds = [], [], []
     names = (name for name, _ in objects)
-    for name, done in finished(names, isolated(compare, tasks, arguments.workers, "grasp")):
+    for name, done in finished(names, results_of(compare, tasks, arguments.workers, "grasp")):
         rows.append(done.held.assign(object=name))
         lost += done.lost
         seconds.append(done.seconds)

@@ -18,9 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 import trimesh
-from isolated import Died, isolated
 from known import Known, known_grasps
-from objects import committed, rig_of
+from objects import committed, results_of, rig_of
 from worlds import WatchedGrasper
 
 from graspfn.evaluation.statistics import proportion
@@ -30,7 +29,6 @@ from graspfn.selection.collision import collision_mesh
 from graspfn.workflow.cores import cores
 
 TREATMENTS = ("raw", "decimated", "parts")
-LIMIT_S = 300.0  # of one shape in one cell
 
 
 @dataclass(frozen=True)
@@ -68,10 +66,10 @@ def attempt(known: Known, detector: str, pieces: Sequence[trimesh.Trimesh]) -> T
     return Tried(*map(np.array, zip(*rows, strict=True)))
 
 
-def row_of(detector: str, treatment: str, cell: list[tuple[Known, Tried | Died]]) -> dict[str, str]:
+def row_of(detector: str, treatment: str, cell: list[tuple[Known, Tried | Exception]]) -> dict[str, str]:
     """A line of the table."""
-    done = [(known, tried) for known, tried in cell if not isinstance(tried, Died)]
-    died = [f"{known.name}: {tried}" for known, tried in cell if isinstance(tried, Died)]
+    done = [(known, tried) for known, tried in cell if not isinstance(tried, Exception)]
+    died = [f"{known.name}: {tried}" for known, tried in cell if isinstance(tried, Exception)]
     for line in died:
         print(f"{detector}, {treatment}: {line}")
     row = {"detector": detector, "treatment": treatment}
@@ -105,15 +103,15 @@ def main() -> None:
     for treatment in arguments.treatments:
         cut = [(known.resting.mesh, treatment, params.meshes) for known in shapes]
         pieces = []
-        for known, made in zip(shapes, isolated(pieces_of, cut, arguments.workers, treatment, LIMIT_S), strict=True):
-            if isinstance(made, Died):
+        for known, made in zip(shapes, results_of(pieces_of, cut, arguments.workers, treatment), strict=True):
+            if isinstance(made, Exception):
                 sys.exit(f"{treatment} of {known.name}: {made}")
             pieces.append(made)
         faces = np.mean([sum(len(piece.faces) for piece in made) for made in pieces])
         print(f"{treatment}: {max(map(len, pieces))} pieces at most, {faces:.0f} faces on average")
         for detector in arguments.detectors:
             tasks = [(known, detector, made) for known, made in zip(shapes, pieces, strict=True)]
-            tried = isolated(attempt, tasks, arguments.workers, f"{detector}, {treatment}", LIMIT_S)
+            tried = results_of(attempt, tasks, arguments.workers, f"{detector}, {treatment}")
             rows.append(row_of(detector, treatment, list(zip(shapes, tried, strict=True))))
     print(pd.DataFrame(rows).fillna("-").to_string(index=False))
     print("reproduce: python benchmarks/" + " ".join(["detectors.py", *sys.argv[1:]]))

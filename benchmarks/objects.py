@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 import trimesh
-from isolated import Died, isolated
 
 import graspfn.physics
 from graspfn.geometry import grid
@@ -22,8 +22,10 @@ from graspfn.physics.world import Rig
 from graspfn.seeds import generator
 from graspfn.selection.selection import select
 from graspfn.workflow.files import read_npz, write_npz
+from graspfn.workflow.parallel import map_in_order
 from graspfn.workflow.shards import code_digest, shard_key, shard_path
 
+T = TypeVar("T")
 SPARE = 1.2  # objects drawn for each that is wanted: some never come to rest
 ROOM = Path(graspfn.physics.__file__).parent
 SETTLING = [ROOM / file for file in ("settling.py", "world.py", "bodies.py")]
@@ -38,6 +40,24 @@ def committed() -> Params:
 
 def rig_of(params: Params) -> Rig:
     return Rig(params.physics, params.gripper, params.attempt)
+
+
+def results_of(
+    function: Callable[..., T], tasks: Sequence[tuple[Any, ...]], workers: int, label: str
+) -> Iterator[T | Exception]:
+    """`function(*arguments)` of every task, or why there is none, in the order of the tasks, as stages have it done."""
+    compute = replace(committed().compute, address=None, workers=workers)
+    named = [(str(i), arguments) for i, arguments in enumerate(tasks)]
+    return (result for _, result in map_in_order(function, named, len(tasks), compute, label))
+
+
+def finished(names: Iterable[str], results: Iterable[T | Exception]) -> Iterator[tuple[str, T]]:
+    """Name and result of every task that gave one; the others are told."""
+    for name, result in zip(names, results, strict=True):
+        if isinstance(result, Exception):
+            print(f"left out {name}: {result}")
+        else:
+            yield name, result
 
 
 def resting_objects(params: Params, count: int, workers: int) -> list[tuple[str, Resting]]:
@@ -56,9 +76,9 @@ def _drawn(params: Params, count: int, workers: int) -> list[tuple[str, Resting]
     drawn = list(select(replace(params.meshes, source="random_urdfs", train=many, test=1), params.seed).train)
     tasks = [(str(one.row["id"]), one.mesh, params.physics, params.settle, params.seed) for one in drawn]
     found = []
-    for one, settled in zip(drawn, isolated(_settled, tasks, workers, "settle"), strict=True):
-        if isinstance(settled, Died) or settled.status != RESTING:
-            print(f"left out {one.row['id']}: {settled if isinstance(settled, Died) else settled.status}")
+    for one, settled in zip(drawn, results_of(_settled, tasks, workers, "settle"), strict=True):
+        if isinstance(settled, Exception) or settled.status != RESTING:
+            print(f"left out {one.row['id']}: {settled if isinstance(settled, Exception) else settled.status}")
         else:
             found.append((str(one.row["id"]), Resting(one.mesh, one.collision, settled.T_world_object)))
     if len(found) < count:

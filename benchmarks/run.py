@@ -19,8 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from isolated import finished, isolated
-from objects import committed, resting_objects, rig_of, touching, unculled
+from objects import committed, finished, resting_objects, results_of, rig_of, touching, unculled
 
 from graspfn.evaluation.statistics import Proportion, proportion
 from graspfn.meshes.placed import Resting
@@ -121,7 +120,7 @@ def main() -> None:
     objects = resting_objects(params, arguments.objects, arguments.workers)
     tasks = [(name, resting, params, arguments.sample) for name, resting in objects]
     drawn = (name for name, _ in objects)
-    measured = dict(finished(drawn, isolated(measure, tasks, arguments.workers, "bench")))
+    measured = dict(finished(drawn, results_of(measure, tasks, arguments.workers, "bench")))
     names, done = list(measured), list(measured.values())
     print_labelling(names, done)
     print_agreement(done)

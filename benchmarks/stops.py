@@ -14,8 +14,7 @@ from collections.abc import Sequence
 import dartpy as dart
 import numpy as np
 import pandas as pd
-from isolated import finished, isolated
-from objects import committed, resting_objects, rig_of, touching
+from objects import committed, finished, resting_objects, results_of, rig_of, touching
 
 from graspfn.meshes.placed import Resting
 from graspfn.params import LOOK_MS
@@ -73,7 +72,7 @@ def main() -> None:
     objects = resting_objects(params, arguments.objects, arguments.workers)
     tasks = [(name, resting, rig, arguments.attempts, params.seed) for name, resting in objects]
     names = (name for name, _ in objects)
-    table = pd.concat([one for _, one in finished(names, isolated(study, tasks, arguments.workers, "stops"))])
+    table = pd.concat([one for _, one in finished(names, results_of(study, tasks, arguments.workers, "stops"))])
     print(f"{table['attempt'].nunique()} attempts, {table.groupby('attempt')['held'].first().mean():.1%} held")
     for rule, (grip_m, half) in enumerate(RULES):
         of_rule = table[table["rule"] == rule]

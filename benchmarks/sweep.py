@@ -15,8 +15,7 @@ import time
 
 import numpy as np
 import pandas as pd
-from isolated import Died, isolated
-from objects import committed, resting_objects, rig_of
+from objects import committed, finished, resting_objects, results_of, rig_of
 
 from graspfn.evaluation.statistics import proportion
 from graspfn.geometry.transforms import apply
@@ -94,10 +93,9 @@ def main() -> None:
     for setting in SETTINGS[: arguments.settings]:
         rig, label = changed(rig_of(params), setting), ", ".join(f"{k} {v:g}" for k, v in setting.items())
         tasks = [(name, resting, rig, params.plan, arguments.attempts, params.seed) for name, resting in fitting]
-        done = [
-            one for one in isolated(study, tasks, arguments.workers, label or "committed") if not isinstance(one, Died)
-        ]
-        table = pd.DataFrame(done)
+        names = (name for name, _ in fitting)
+        results = results_of(study, tasks, arguments.workers, label or "committed")
+        table = pd.DataFrame([one for _, one in finished(names, results)])
         sure, robust = (
             proportion(table["sure"].to_numpy()),
             proportion(table["robust"].to_numpy(), np.arange(len(table))),

@@ -1,5 +1,6 @@
 """Attempt a grasp at every pose of Q of the objects of a split: to learn from, or as the true function (paper IV-C)."""
 
+from collections.abc import Container
 from pathlib import Path
 
 import numpy as np
@@ -30,10 +31,9 @@ def packed(parts: list[Labels]) -> Arrays:
     return {"outcomes": labels.outcomes} | {f"account_{key}": np.array(n) for key, n in labels.account.items()}
 
 
-def wanted(split: str, first: int) -> list[str]:
-    """Names of the objects to label: all to train on, but of those to test on the first that were selected."""
+def wanted(split: str, placed: Container[str], first: int) -> list[str]:
+    """Names of the placed objects to label: all to train on, but of those to test on the first that were selected."""
     order = read_manifest(OBJECTS / split).sort_values("seed_index")["id"]
-    placed = resting_rows(PLACED / f"{split}.parquet")
     names = [name for name in order if name in placed]
     return names if split == "train" else names[:first]
 
@@ -42,7 +42,8 @@ def wanted(split: str, first: int) -> list[str]:
 def main(params: Declared) -> None:
     split, attempts, rig = params.items[0], params.label.attempts, Rig(params.physics, params.gripper, params.attempt)
     folders = OBJECTS / split, COLLISION / split
-    placed, names = resting_rows(PLACED / f"{split}.parquet"), wanted(split, params.label.test)
+    placed = resting_rows(PLACED / f"{split}.parquet")
+    names = wanted(split, placed, params.label.test)
     seeds = {name: seed_of(params.seed, "label_grasps", name) for name in names}
     code = code_digest("seeds.py", "geometry", "meshes", "physics")
     shards = {}

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from graspfn.meshes.store import write_objects
 from graspfn.params import Declared
 from graspfn.selection.selection import REJECTS, select
+from graspfn.selection.written import write_objects
 from graspfn.workflow.files import write_parquet
 from graspfn.workflow.parallel import map_in_order
 from graspfn.workflow.stage import stage

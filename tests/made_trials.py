@@ -43,3 +43,22 @@ def account(attempts=5, sure=range(2, LABELLED)):
     ended = {"untouched": 60, "held": 10, "left": 20, "missed": 5, "collided": 5, "diverged": 0}
     best = {i: attempts if i in sure else attempts - 1 for i in range(LABELLED)}
     return pd.DataFrame([{"id": name(i), "status": "labelled", "best": best[i]} | ended for i in range(LABELLED)])
+
+
+def disturbed_plans(names, errors=2):
+    """As stage disturb writes them: an offset that takes Best Grasp away where the camera's pose is believed."""
+    rows = []
+    for amount, fit, (method, network) in itertools.product((0.0, -5.0, 5.0), (True, False), HELD):
+        if (network == TRUE and (amount or not fit)) or "likeliest" in method:
+            continue
+        gone = amount != 0 and not fit and method == "Best Grasp"
+        for i in (*names, "empty table 0"):
+            empty = i not in names
+            row = {"id": i, "empty": empty, "disturbance": "offset" if amount else "clean", "amount": amount}
+            row |= {"unit": "mm" if amount else "", "table_fit": fit, "method": method, "network": network}
+            row |= {"training_seed": 0 if network == "fcn" else -1, "u_m": np.nan if gone else 0.0, "stays": not gone}
+            row |= {"highest": 0.1 if network else np.nan, "refused": "table: none" if gone else ""}
+            row |= {"held": 0 if gone or empty else 1, "trials": 0 if empty else errors}
+            known = not gone and not empty and network != TRUE
+            rows.append(row | {"expected": 0.5 if known else np.nan, "effective": 40.0 if known else 0.0})
+    return pd.DataFrame(rows)

@@ -43,6 +43,7 @@ STAGES = {
     "train": {"V"},
     "predict": {"V", "VII-A"},
     "evaluate": {"VII-A"},
+    "disturb": set(),
     "record_robot": {"VII-B"},
     "analyse_robot": {"VII-B"},
     "report": set(),
@@ -85,6 +86,7 @@ KEYS = {
     "train": {"V"},
     "plan": {"VI"},
     "evaluate": {"VII-A"},
+    "disturb": set(),
     "robot": {"VII-B"},
     "arm": {"VII-B"},
 }

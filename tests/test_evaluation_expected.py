@@ -67,4 +67,13 @@ def test_effective_attempts_grow_with_the_uncertainty_and_tell_when_there_are_fe
     ideal = [5 * (4 * np.pi) ** 1.5 * (s / 10) ** 2 * t / 30 for s, t in CELLS[:2]]
     assert sizes[:2] == pytest.approx(ideal, rel=0.35) and sizes == sorted(sizes)
     assert expected_success(np.zeros(3), 0.002, 0.1, Attempts(attempts, block(attempts))).effective < FEW
-    assert np.isnan(expected_success(np.array([9.0, 0, 0]), 0.01, 0.1, Attempts(attempts, block(attempts))).value)
+    assert np.isnan(expected_success(np.zeros(3), 1e-6, 1e-6, Attempts(attempts, block(attempts))).value)
+
+
+@pytest.mark.parametrize("u", [0.3, 0.5, 5.0])
+def test_far_from_q_nothing_holds_and_that_is_known(u: float) -> None:
+    """The image's corner can be half a metre from the object, where its labels have no attempt."""
+    attempts = grid.sample_cells(2, np.random.default_rng(0))
+    held = np.ones(attempts.shape[:4], dtype=bool)
+    found = expected_success(np.array([u, 0.0, 0.3]), 0.005, 0.2, Attempts(attempts, held))
+    assert (found.value, found.error) == (0, 0) and found.effective >= FEW

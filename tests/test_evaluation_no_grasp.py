@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pandas as pd
 import pytest
-from test_robot_recording import TOPICS, trial
+from test_robot_recording import TOPICS, trial, write_trial
 
 from graspfn.evaluation.bench import Scene
 from graspfn.evaluation.planner import GraspFunction, Planner
@@ -24,7 +24,6 @@ from graspfn.reporting.plans import plans_of
 from graspfn.robot import simulated
 from graspfn.robot.analyse import analyse
 from graspfn.robot.read import read_trial
-from graspfn.robot.record import write_trial
 from graspfn.robot.simulated import Seen, file_name
 from graspfn.robot.trial import METADATA, RecordingError
 from graspfn.workflow.files import write_parquet

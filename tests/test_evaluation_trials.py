@@ -12,6 +12,7 @@ from physics_params import ATTEMPT, GRIPPER, PHYSICS
 from scipy import stats
 
 from graspfn.evaluation.bench import Bench, Scene
+from graspfn.evaluation.cases import TOP_CLASS
 from graspfn.evaluation.expected import Attempts, expected_success
 from graspfn.evaluation.planner import TRUE, UNTRAINED, GraspFunction, Planner, promise
 from graspfn.evaluation.trials import trials_of_object
@@ -21,6 +22,7 @@ from graspfn.imaging.camera import Camera
 from graspfn.imaging.height_map import HeightMap, height_map
 from graspfn.imaging.render import render_depth
 from graspfn.imaging.warp import sample_function
+from graspfn.learning.targets import CLASSES
 from graspfn.meshes.placed import Resting
 from graspfn.params import Plan
 from graspfn.physics.attempt import Outcome, Result
@@ -156,6 +158,10 @@ def test_the_true_function_plans_about_the_object_and_is_sent_to_where_that_lies
     for method in (BEST, ROBUST):
         expected = move_pose(grid.from_index([14, 25, 1]), SHIFT, THETA)
         np.testing.assert_allclose(rows.loc[method], expected, atol=1e-12)
+
+
+def test_the_highest_class_of_a_network_has_score_one():
+    assert TOP_CLASS == CLASSES - 1
 
 
 def test_the_likeliest_class_plans_by_its_own_scores():

@@ -31,7 +31,7 @@ def standing(*size: float) -> Resting:
 
 
 # One that holds wherever it is taken, but for its ends, and one that holds where it is taken squarely.
-OBJECTS = {"blade": standing(0.02, 0.16, 0.04), "cube": standing(0.045, 0.045, 0.045)}
+OBJECTS = {"blade": standing(0.02, 0.16, 0.04), "cube": standing(0.055, 0.055, 0.05)}
 # The uncertainty that there is, and another that is planned for.
 CASES = {"blade": (LARGE, SMALL), "cube": (SMALL, TURNED)}
 

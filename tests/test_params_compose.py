@@ -28,6 +28,8 @@ COUNTS = {
     "meshes.test",
     "label.test",
     "evaluate.errors_per_object",
+    "disturb.objects",
+    "disturb.errors_per_object",
     "augment.samples",
     "pretrain.epochs",
     "train.epochs",

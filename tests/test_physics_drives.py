@@ -12,6 +12,7 @@ from graspfn.meshes.placed import Resting
 from graspfn.physics import attempt
 from graspfn.physics.attempt import Grasper, Outcome
 from graspfn.physics.drives import LET_GO
+from graspfn.physics.native import POINTER
 from graspfn.physics.world import Diverged, GraspWorld, Rig
 
 RING = trimesh.creation.annulus(0.045, 0.06, 0.03)
@@ -38,6 +39,7 @@ class PlainWorld(GraspWorld):
 
     def _step(self, rise: float) -> None:
         k = self.kinematics
+        POINTER.from_address(self._drives.solver).value = self._drives.tables[int(self._squeezed)]
         limits = np.minimum(self.hand.getVelocities()[1:] + k.acceleration * self.time_step, k.speed)
         if self._squeezed:
             before = self.state()

@@ -121,6 +121,8 @@ def test_both_tables_are_filled(smoke: Workspace) -> None:
     assert (table1["success"] <= table1["ci_high"]).all()
     table2 = pd.read_csv(smoke.folder / "reports/table2.csv")
     assert len(table2) == 2 * 5
+    robustness = pd.read_csv(smoke.folder / "reports/robustness.csv")
+    assert len(robustness) == 34 * 2 * 5 + 2  # shots, with and without the fit, and the true function once
     assert table2["simulated"].all()
 
 
@@ -164,7 +166,7 @@ def test_a_second_repro_runs_nothing(smoke: Workspace) -> None:
     assert smoke.repro_runs() == []
 
 
-AFTER_LABELS = {"train", "predict", "evaluate", "record_robot", "analyse_robot", "report"}
+AFTER_LABELS = {"train", "predict", "evaluate", "disturb", "record_robot", "analyse_robot", "report"}
 
 
 @pytest.mark.parametrize(
@@ -174,7 +176,8 @@ AFTER_LABELS = {"train", "predict", "evaluate", "record_robot", "analyse_robot",
         ("train.epochs", 2, AFTER_LABELS),
         ("compute.workers", 1, set()),
         ("topics.outcome", "/held", {"record_robot", "analyse_robot", "report"}),
-        ("plan.fine_uv", 2, {"evaluate", "record_robot", "analyse_robot", "report"}),
+        ("disturb.objects", 2, {"disturb", "report"}),
+        ("plan.fine_uv", 2, {"evaluate", "disturb", "record_robot", "analyse_robot", "report"}),
     ],
 )
 def test_a_parameter_reruns_what_it_affects(
@@ -189,7 +192,7 @@ def test_the_torque_reruns_grasping_alone(smoke: Workspace, edited: Callable[[st
     with Repo(str(smoke.folder)) as repo:
         direct = {name.partition("@")[0] for name in changed_stages(repo)}
     # Placing asks the gripper how large an object may be: it runs, and finds the same.
-    assert direct == {"place_objects", "label_grasps", "evaluate", "record_robot", "report"}
+    assert direct == {"place_objects", "label_grasps", "evaluate", "disturb", "record_robot", "report"}
 
 
 @pytest.mark.parametrize(

@@ -59,7 +59,7 @@ MANIFESTS = {
     "train": pd.DataFrame({"id": ["a", "b", "c", "d"], "size_m": [0.1, 0.2, 0.2, 0.15]}),
     "test": pd.DataFrame({"id": ["e"], "size_m": [0.05]}),
 }
-TOO_LARGE = "too large for the gripper: it would fit at 3.2 cm, not at 5"
+TOO_LARGE = "no part of it fits the gripper at 5 cm or more"
 PLACED = {
     "train": placed(
         ("d", "never came to rest in 4 s", 1.0), ("c", TOO_LARGE, 1.0), ("a", "resting", 1.0), ("b", "resting", 0.5)
@@ -333,12 +333,12 @@ def test_sizes_count_every_object_once_by_its_fate():
     assert sorted(table["id"]) == ["a", "b", "c", "d", "e"]
     found = object_sizes.size_statistics(table)["train"]
     assert found["selected"] == 4 and found["as_drawn"] == 1 and found["made_smaller"] == 1
-    assert found["left_out"] == {"never came to rest in 4 s": 1, "too large for the gripper": 1}
+    assert found["left_out"] == {"never came to rest in 4 s": 1, TOO_LARGE: 1}
     assert found["drawn_cm"]["median"] == pytest.approx(17.5)
     assert found["placed_cm"]["median"] == pytest.approx(10.0)
     assert object_sizes.reasons(PLACED["train"]["status"]) == found["left_out"]
     (plate,) = sizes.plates(table, fit=True)
-    assert "Train: 1 as drawn, 1 made smaller, left out: 1 never came to rest in 4 s, 1 too large" in plate.caption
+    assert "Train: 1 as drawn, 1 made smaller, left out: 1 never came to rest in 4 s, 1 no part of it" in plate.caption
 
 
 def test_width_is_the_least_one_seen_from_above_whatever_the_angle_and_the_height():

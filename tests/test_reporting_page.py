@@ -15,25 +15,27 @@ import pandas as pd
 import pytest
 import trimesh
 import yaml
+from made_trials import disturbed_plans
+from test_robot_recording import write_trial
 
 from graspfn.evaluation.planner import TRUE
 from graspfn.geometry import grid
 from graspfn.imaging.camera import Camera
 from graspfn.imaging.render import render_depth
 from graspfn.meshes.placed import T_world_object, placed_row, write_placed
-from graspfn.meshes.store import Object, write_objects
 from graspfn.params import read_yaml, validate
 from graspfn.reporting import page
 from graspfn.reporting.figures import nearest, registry, shading
 from graspfn.reporting.inputs import example_label, load_inputs, spread
 from graspfn.reporting.page import Picture
 from graspfn.reporting.report import write_report, write_tables
+from graspfn.reporting.robustness import COLUMNS, robustness_table
 from graspfn.reporting.summary import results_sentence
 from graspfn.reporting.tables import Tables1
 from graspfn.robot.analyse import analyse
 from graspfn.robot.read import read_trial, recordings
-from graspfn.robot.record import write_trial
 from graspfn.robot.trial import Condition, TrialRecording
+from graspfn.selection.written import Object, write_objects
 from graspfn.workflow.files import write_npz, write_parquet
 
 ROOT = Path(__file__).parents[1]
@@ -58,6 +60,10 @@ def write_split(data, split, camera):
             "licence": "CC0 & more",
         }
         row |= {"split": split, "shape": name, "signature": [0.0], "scale": 1.0, "size_m": 0.12}
+        if split == "test":  # the third never comes to rest
+            row |= {"nearest": "made-box-train-0", "nearest_distance": (0.3, 0.012, 0.006)[i]}
+        else:
+            row |= {"nearest": "", "nearest_distance": np.nan}
         row |= {"volume_m3": mesh.volume, "mass": "volume" if i else "convex hull", "watertight": True, "faces": 12}
         boxes.append(Object(row | {"collision_faces": 12, "cleaning": "", "seed_index": i}, mesh, mesh))
         T = np.eye(4)
@@ -108,6 +114,7 @@ def write_data(data, params):
         for error in range(2)
     ]
     write_parquet(data / "trials.parquet", pd.DataFrame(rows))
+    write_parquet(data / "robustness.parquet", disturbed_plans(tested))
     (data / "recordings").mkdir()
     rng = np.random.default_rng(0)
     for i, (uv, theta) in enumerate(SIGMAS):
@@ -210,8 +217,8 @@ def test_every_figure_is_there_as_png_and_pdf(report, html):
     names = {
         *("summary_1d", "grasp_function", "training_example", "predictions", "growing_uncertainty"),
         *("success_vs_sigma_uv", "training_curves", "label_outcomes", "noise", "inpainting", "example_grasps"),
-        *("simulated_grasp", "films_held", "films_failed", "objects_made", "object_sizes"),
-        *("success_vs_width", "promise_against_fact", "expected_against_trials"),
+        *("simulated_grasp", "films_held", "films_failed", "objects_made", "object_sizes", "nearest_pair"),
+        *("success_vs_width", "promise_against_fact", "expected_against_trials", "robustness"),
     }
     files = {path.name for path in (report[0] / "figures").iterdir()}
     assert files == {f"{name}.{kind}" for name in names for kind in ("png", "pdf")}
@@ -220,7 +227,7 @@ def test_every_figure_is_there_as_png_and_pdf(report, html):
 
 def test_the_page_is_well_formed_and_needs_nothing_else(html, parsed):
     assert parsed.misplaced == [] and parsed.open == []
-    assert len(parsed.addresses) == 19
+    assert len(parsed.addresses) == 21
     assert all(address.startswith("data:image/png;base64,") for address in parsed.addresses)
     style = html.split("<style>")[1].split("</style>")[0]
     assert "url(" not in style and "@import" not in style and "<script" not in html
@@ -267,13 +274,33 @@ def test_csv_reads_back(report):
     assert ["sigma_uv_mm", *plotted] == list(series)
 
 
-def test_a_manifest_that_says_what_is_nearest_brings_the_nearest_pair(inputs, monkeypatch):
-    monkeypatch.setattr(shading, "SAMPLES", 1)
-    test = inputs.manifests["test"].assign(nearest="made-box-train-0", nearest_distance=[0.3, 0.1, 0.05])
-    manifests = dict(inputs.manifests) | {"test": test}
-    (plate,) = nearest.plates(inputs.data, manifests, inputs.placed)
-    assert "made-box-test-1 is most like a training object, made-box-train-0, at a distance of 0.1;" in plate.caption
-    assert list(nearest.plates(inputs.data, inputs.manifests, inputs.placed)) == []  # the third never came to rest
+def test_robustness_is_a_table_for_people_and_for_machines(report, parsed):
+    table = pd.read_csv(report[0] / "robustness.csv")
+    assert list(table) == COLUMNS and len(table) == 2 * 3 * 3 + 2
+    gone = table[(table["method"] == "Best Grasp") & (table["amount"] != 0) & ~table["table_fit"]]
+    assert (gone[["success", "expected", "stay_share"]] == 0).all(axis=None) and (gone["expected_change"] == -0.5).all()
+    kept = table[(table["network"] == "fcn") & table["table_fit"]]
+    assert (kept[["success", "expected", "stay_share", "highest_score"]] == [0.5, 0.5, 1, 0.1]).all(axis=None)
+    assert "For 4 of the 36 plans the image was refused" in (report[0] / "robustness.md").read_text()
+    text = " ".join("".join(parsed.text).split())
+    assert "offset +5 mm" in text and "Robustness (ours, not the paper's)" in text
+
+
+def test_the_nearest_pair_across_the_split_is_drawn(inputs, report, monkeypatch):
+    assert (report[0] / "figures/nearest_pair.png").exists()
+    drawn = []
+    monkeypatch.setattr(nearest, "picture", lambda mesh, *_: drawn.append(mesh.extents[2]) or np.zeros((2, 2, 3)))
+    (plate,) = nearest.plates(inputs.data, inputs.manifests, inputs.placed)
+    assert drawn == pytest.approx([0.03, 0.04])
+    assert "made-box-test-1 is most like a training object, made-box-train-0. " in plate.caption
+    assert "surfaces lie 1.2 % of its size apart on average; of the median test object and its nearest, 1.2 %." in (
+        plate.caption
+    )
+
+
+def test_where_no_neighbour_came_to_rest_there_is_no_pair(inputs):
+    lost = inputs.manifests["test"].assign(nearest="made-box-train-2")
+    assert list(nearest.plates(inputs.data, dict(inputs.manifests) | {"test": lost}, inputs.placed)) == []
 
 
 def test_figures_of_an_earlier_report_do_not_stay(inputs, report, monkeypatch, tmp_path):
@@ -288,7 +315,7 @@ def test_figures_of_an_earlier_report_do_not_stay(inputs, report, monkeypatch, t
 def test_without_a_film_the_other_scenes_are_still_drawn(inputs, monkeypatch):
     monkeypatch.setattr(shading, "SAMPLES", 1)
     bare = dataclasses.replace(inputs, film=None, films={"held": [], "failed": []})
-    assert [plate.name for plate in registry._scenes(bare)] == ["object_sizes", "objects_made"]
+    assert [plate.name for plate in registry._scenes(bare)] == ["object_sizes", "objects_made", "nearest_pair"]
 
 
 def test_a_picture_is_its_own_bytes():
@@ -331,8 +358,8 @@ def test_recordings_without_a_grasp_reach_table_2_and_the_page(inputs, tmp_path)
     with_failures = load_inputs(data, inputs.params, {})
     assert all(len(grasp.commanded) == 3 for grasp in with_failures.recorded.grasps)
     tables1 = Tables1.of(with_failures.plans, with_failures.graspable)
-    layouts = write_tables(with_failures, tables1, tmp_path / "tables")
-    assert "In 4 of the 12 trials the method found no grasp, which is a failure." in layouts[-1].caption
+    layouts = write_tables(with_failures, tables1, robustness_table(with_failures.disturbed), tmp_path / "tables")
+    assert "In 4 of the 12 trials the method found no grasp, which is a failure." in layouts[2].caption
     table = pd.read_csv(tmp_path / "tables/table2.csv")
     assert table.loc[table["method"] == "Best Grasp (fcn)", "success"].eq(0).all()
     assert table["no_grasp"].sum() == 4

@@ -10,11 +10,11 @@ import trimesh
 from PIL import Image
 
 from graspfn.meshes.placed import placed_row, write_placed
-from graspfn.meshes.store import Object, write_objects
 from graspfn.reporting.figures import contact_sheet, shading
 from graspfn.reporting.figures import objects as sheets
 from graspfn.reporting.figures.contact_sheet import HEADING_PX, WIDTH_PX, cells_for, draw_contact_sheet
 from graspfn.reporting.figures.style import pdf_bytes, png_bytes
+from graspfn.selection.written import Object, write_objects
 
 FEW = [("few_things", f"a_$_thing-{i}", category, split) for i, (category, split) in enumerate(
     [("flower_pot", "train"), ("cup", "train"), ("cup", "test"), ("flower_pot", "train"), ("bowl", "test")]

@@ -8,10 +8,9 @@ import tracemalloc
 import numpy as np
 import pandas as pd
 import pytest
-from test_robot_recording import CONDITION, TOPICS, trial
+from test_robot_recording import CONDITION, TOPICS, trial, write_trial
 
 from graspfn.robot.analyse import analyse, independent, people_units, pose_errors
-from graspfn.robot.record import write_trial
 from graspfn.robot.spread import spread
 from graspfn.robot.trial import RecordingError
 

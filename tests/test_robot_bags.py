@@ -29,7 +29,7 @@ from made_bags import (
 from mcap.writer import CompressionType
 from PIL import Image
 from test_robot_recording import TOPICS as SIMULATED_TOPICS
-from test_robot_recording import trial
+from test_robot_recording import trial, write_trial
 from typer.testing import CliRunner
 
 from graspfn.cli import app
@@ -41,7 +41,6 @@ from graspfn.robot.analyse import analyse
 from graspfn.robot.closing import closing_s
 from graspfn.robot.described import describe, read_table, sidecar
 from graspfn.robot.read import read_trial, recordings
-from graspfn.robot.record import write_trial
 from graspfn.robot.target import T_robot_target, target_in_image
 from graspfn.robot.trial import KEYS, RecordingError
 

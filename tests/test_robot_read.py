@@ -14,11 +14,10 @@ from mcap.writer import CompressionType
 from mcap_ros2.decoder import DecoderFactory
 from mcap_ros2.writer import Writer
 from scipy.spatial.transform import Rotation
-from test_robot_recording import CONDITION, TOPICS, trial
+from test_robot_recording import CONDITION, TOPICS, trial, write_trial
 
 from graspfn.robot import decode, messages
 from graspfn.robot.read import read_trial, recordings
-from graspfn.robot.record import write_trial
 from graspfn.robot.trial import METADATA, RecordingError
 
 REAL = Path(__file__).parents[1] / "../shared/data/mcap"

@@ -4,6 +4,7 @@ import collections
 import functools
 import itertools
 import os
+import re
 import signal
 
 import numpy as np
@@ -13,6 +14,7 @@ import trimesh
 from graspfn.meshes.errors import MeshError
 from graspfn.meshes.mass import solid
 from graspfn.params import Compute, Meshes
+from graspfn.selection import surfaces, trained
 from graspfn.selection.procedural import CATEGORIES, generate
 from graspfn.selection.selection import one_by_one, select
 from graspfn.selection.signature import TOLERANCE
@@ -47,7 +49,7 @@ def shapes(tmp_path):
     for k in range(12):
         path = tmp_path / ("a", "b")[k % 2] / "train" / f"box_{k}.off"
         path.parent.mkdir(parents=True, exist_ok=True)
-        box = trimesh.creation.box((1, 2 + k, 3)).apply_translation([50, k, -7])
+        box = trimesh.creation.box((1, 1.25**k, 3)).apply_translation([50, k, -7])
         path.write_text(box.export(file_type="off", digits=12))
     return tmp_path
 
@@ -108,6 +110,37 @@ def test_copies_of_a_shape_fall_on_one_side(tmp_path, seed):
             same = one["name"].rpartition("_")[0] == other["name"].rpartition("_")[0]
             assert (one["shape"] == other["shape"]) == same
     assert any("copy: " in reject["reason"] for reject in chosen.rejects)
+
+
+def test_no_generated_test_object_is_nearly_one_to_train_on():
+    """All pairs are looked at anew."""
+    chosen = select(meshes("procedural", 28, 28), 0)
+    train, test = list(chosen.train), list(chosen.test)
+    shapes = [surfaces.surface_of(drawn.mesh) for drawn in train]
+    for drawn in test:
+        apart = np.abs(np.array([one.row["signature"] for one in train]) - drawn.row["signature"]).max(axis=1)
+        near = np.flatnonzero(apart < trained.NEAR) if apart.min() < trained.NEAR else [apart.argmin()]
+        surface = surfaces.surface_of(drawn.mesh)
+        gaps = [surfaces.gap(surface, shapes[k]) for k in near]
+        assert min(gaps) >= trained.TOLERANCE
+        assert drawn.row["nearest"] == train[near[np.argmin(gaps)]].row["id"]
+        assert drawn.row["nearest_distance"] == pytest.approx(min(gaps), abs=1e-5)
+    assert all(drawn.row["nearest"] == "" and np.isnan(drawn.row["nearest_distance"]) for drawn in train)
+
+
+def test_a_near_copy_that_its_signature_does_not_give_away_stays_out_of_the_test_objects(tmp_path):
+    """Six boxes, and each again 2 % wider."""
+    for k, wide in itertools.product(range(6), (1, 1.02)):
+        box = trimesh.creation.box([wide, 2 + k, 3])
+        (tmp_path / f"{k}_{wide}.off").write_text(box.export(file_type="off", digits=12))
+    chosen = select(meshes("folder", 6, 2, tmp_path), 0)
+    train, test = ({row["name"][0] for row in rows(objects)} for objects in (chosen.train, chosen.test))
+    assert not train & test
+    assert chosen.rejects
+    line = re.compile(
+        r"copy: it has the shape of \S+, which is to train on \(surfaces 0\.[0-3]\d % of its size apart\)"
+    )
+    assert all(line.fullmatch(reject["reason"]) for reject in chosen.rejects)
 
 
 def test_larger_counts_begin_with_the_same_objects(shapes):

@@ -202,9 +202,11 @@ class Settle:
     drop_mm: Annotated[float, Key("height of the lowest point at the drop, mm", at_least=0)]
     limit_s: Annotated[float, Key("simulated time after which an object counts as never resting, s", above=0)]
     fit: Annotated[
-        bool, Key("objects that do not fit the gripper are made smaller or dropped anew; false: all are kept")
+        bool, Key("objects of which no part fits the gripper are made smaller or dropped anew; false: all are kept")
     ]
-    room_mm: Annotated[float, Key("room that an object has to leave between the open fingers, mm", at_least=0)]
+    room_mm: Annotated[
+        float, Key("room that a part of an object has to leave between the open fingers, mm", at_least=0)
+    ]
 
 
 @dataclass(frozen=True)
@@ -292,6 +294,27 @@ class Evaluate:
     sigma_theta_deg: Annotated[tuple[float, ...], Key("std of the reached angle, degrees", at_least=0)]
     errors_per_object: Annotated[int, Key("errors drawn for each object: trials of a method in a cell", at_least=1)]
     max_failed: Annotated[float, Key("fraction of objects that may fail before the stage does", at_least=0, at_most=1)]
+
+
+@dataclass(frozen=True)
+class Disturb:
+    """Disturbed depth images of the test objects, planned on with and without the fit of the table: robustness."""
+
+    objects: Annotated[int, Key("test objects on which plans are tried in simulation; all are planned on", at_least=1)]
+    errors_per_object: Annotated[int, Key("errors drawn for each of them: trials of a plan", at_least=1)]
+    sigma_uv_mm: Annotated[float, Key("std of the reached position, mm", above=0)]
+    sigma_theta_deg: Annotated[float, Key("std of the reached angle, degrees", above=0)]
+    offset_mm: Annotated[tuple[float, ...], Key("camera higher than it is believed to be, mm", at_least=-100)]
+    tilt_deg: Annotated[tuple[float, ...], Key("camera looks elsewhere than is believed, degrees", at_most=60)]
+    wave_mm: Annotated[tuple[float, ...], Key("slow errors of depth, of wavelengths 3 to 20 cm, mm rms", at_least=0)]
+    scale_percent: Annotated[tuple[float, ...], Key("depths too large, %", above=-50, at_most=50)]
+    holes_percent: Annotated[
+        tuple[float, ...], Key("pixels without depth, in blobs and speckle, %", at_least=0, at_most=95)
+    ]
+    step_mm: Annotated[tuple[float, ...], Key("step between the depths that are told apart, mm", at_least=0)]
+    height_mm: Annotated[tuple[float, ...], Key("camera higher, as is known, mm", at_least=-200)]
+    cameras: Annotated[tuple[str, ...], Key("files of conf/camera: other cameras, with their noise")]
+    max_failed: Annotated[float, Key("fraction of scenes that may fail before the stage does", at_least=0, at_most=1)]
 
 
 @dataclass(frozen=True)
@@ -390,6 +413,7 @@ class Params:
     train: Train
     plan: Plan
     evaluate: Evaluate
+    disturb: Disturb
     robot: Robot
     topics: Topics
     arm: Arm
@@ -473,10 +497,7 @@ def validate(values: Any) -> Params:
         if "://" in folder:
             raise ParameterError(f"{key}: {folder!r} is a URL; it takes a path on this machine")
     _check_fingers(params.gripper, params)
-    if len(params.camera.distortion or (0,) * 4) not in (4, 5, 8):
-        raise ParameterError("camera.distortion: takes 4, 5 or 8 numbers: k1, k2, p1, p2, then k3, then k4, k5, k6")
-    if params.camera.pose is not None:
-        _check_pose(params.camera.pose)
+    _check_camera(params.camera, "camera")
     looks = LOOK_MS / params.physics.time_step_ms
     if abs(looks - round(looks)) > 1e-9:
         raise ParameterError(f"physics.time_step_ms: takes a step that goes into {LOOK_MS} ms without rest")
@@ -496,17 +517,34 @@ def validate(values: Any) -> Params:
     return params
 
 
-def _check_pose(pose: tuple[float, ...]) -> None:
+def read_camera(path: Path, noise: Noise) -> tuple[Camera, Noise]:
+    """A camera of conf/camera with the noise that it brings, over that of the parameters."""
+    values = read_yaml(path)
+    if not isinstance(values, dict) or "camera" not in values:
+        raise ParameterError(f"{path}: takes a mapping with the key camera")
+    camera = build(Camera, values["camera"], f"{path}: camera")
+    _check_camera(camera, f"{path}: camera")
+    return camera, build(Noise, dataclasses.asdict(noise) | values.get("noise", {}), f"{path}: noise")
+
+
+def _check_camera(camera: Camera, key: str) -> None:
+    if len(camera.distortion or (0,) * 4) not in (4, 5, 8):
+        raise ParameterError(f"{key}.distortion: takes 4, 5 or 8 numbers: k1, k2, p1, p2, then k3, then k4, k5, k6")
+    if camera.pose is not None:
+        _check_pose(camera.pose, f"{key}.pose")
+
+
+def _check_pose(pose: tuple[float, ...], key: str) -> None:
     """The pose of a camera must be a pose, and the camera over the table."""
     if len(pose) != 16:
-        raise ParameterError(f"camera.pose: has {len(pose)} numbers; it takes the 16 of T_world_camera, row by row")
+        raise ParameterError(f"{key}: has {len(pose)} numbers; it takes the 16 of T_world_camera, row by row")
     x, y, z, lens = (pose[i:12:4] for i in range(4))
     cross = [x[i - 2] * y[i - 1] - x[i - 1] * y[i - 2] for i in range(3)]
     lengths = (math.hypot(*axis) for axis in (x, y, z))
     if math.dist(cross, z) > 1e-4 or math.dist(tuple(lengths), (1, 1, 1)) > 1e-4 or pose[12:] != (0, 0, 0, 1):
-        raise ParameterError("camera.pose: no rotation and translation; it takes T_world_camera, row by row")
+        raise ParameterError(f"{key}: no rotation and translation; it takes T_world_camera, row by row")
     if lens[2] <= 0 or z[2] >= 0:
-        raise ParameterError("camera.pose: takes a camera that looks down (z axis) from over the table (z above 0)")
+        raise ParameterError(f"{key}: takes a camera that looks down (z axis) from over the table (z above 0)")
 
 
 def _check_fingers(gripper: Gripper, params: Params) -> None:

@@ -25,6 +25,8 @@ from graspfn.physics.world import Rig
 from graspfn.seeds import generator
 from graspfn.workflow.files import read_npz
 
+TOP_CLASS = 5  # whose score is 1: learning.dataset.CLASSES - 1
+
 
 @dataclass(frozen=True)
 class Protocol:
@@ -77,7 +79,7 @@ class Cases:
 
     def _functions(self, name: str, row: int) -> list[GraspFunction]:
         found = [
-            GraspFunction(*run, predicted["scores"][row], predicted["likeliest"][row] / np.float32(5))
+            GraspFunction(*run, predicted["scores"][row], predicted["likeliest"][row] / np.float32(TOP_CLASS))
             for run, predicted in self._predicted.items()
         ]
         if name in self._labelled:

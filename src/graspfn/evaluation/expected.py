@@ -16,6 +16,7 @@ from scipy.special import ndtr
 from graspfn.geometry import grid
 
 FEW = 10.0  # effective attempts, below which an estimate of one object says little
+BEYOND = 1e-6  # of the reached poses within Q: what was attempted says nothing, and nothing of the object is there
 TURNS = 2  # half turns of theta either way: enough for 60 degrees of standard deviation
 
 
@@ -23,7 +24,8 @@ TURNS = 2  # half turns of theta either way: enough for 60 degrees of standard d
 class Expected:
     """Share of reached poses at which the object is held, its standard error, and the attempts that it rests on.
 
-    effective: of the weights, (sum w)^2 / sum w^2; few below FEW. All NaN and 0 where no attempt has any weight.
+    effective: of the weights, (sum w)^2 / sum w^2; few below FEW. All NaN and 0 where no attempt has any weight. A pose
+    beyond Q rests on all attempts, and holds in none.
     """
 
     value: float
@@ -45,12 +47,14 @@ class Attempts:
 def expected_success(q: np.ndarray, sigma_uv_m: float, sigma_theta_rad: float, attempts: Attempts) -> Expected:
     """Of commanding pose q (3,) under N(q, diag(sigma_uv^2, sigma_uv^2, sigma_theta^2)), both sigmas above 0."""
     assert attempts.q.shape[:3] == grid.SHAPE and attempts.q.shape[:4] == attempts.held.shape
+    inside = _mass_within_q(q, sigma_uv_m)
+    if inside < BEYOND:
+        return Expected(0.0, 0.0, float(attempts.held.size))
     near = _near(q, sigma_uv_m)
     weights = _density(attempts.q[near] - q, sigma_uv_m, sigma_theta_rad)
     held, total = attempts.held[near], weights.sum()
-    if total == 0:
+    if total**2 == 0:
         return Expected(np.nan, np.nan, 0.0)
-    inside = _mass_within_q(q, sigma_uv_m)
     ratio = (weights * held).sum() / total
     # Of a ratio by its residuals; between cells nothing varies, since each has its attempts.
     residuals = weights * (held - ratio)

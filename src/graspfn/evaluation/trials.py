@@ -80,7 +80,7 @@ def _trials(
     errors: np.ndarray,
     attempts: Attempts | None,
 ) -> Iterator[Trial]:
-    expected = _expected(scene, planned, uncertainty, attempts)
+    expected = expectation(scene, planned, uncertainty, attempts)
     commanded = NOWHERE if planned.q is None else planned.q
     for i, error in enumerate(errors):
         reached, held, outcome = NOWHERE, False, NO_GRASP
@@ -107,7 +107,7 @@ def _trials(
         )
 
 
-def _expected(scene: Scene, planned: Planned, uncertainty: PoseUncertainty, attempts: Attempts | None) -> Expected:
+def expectation(scene: Scene, planned: Planned, uncertainty: PoseUncertainty, attempts: Attempts | None) -> Expected:
     """What the object's attempts say; nothing of its true function, which was made of them and chose by them."""
     if planned.q is None or attempts is None or planned.network == TRUE or not uncertainty.spreads:
         return UNKNOWN

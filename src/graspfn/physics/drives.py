@@ -10,6 +10,7 @@ import dartpy as dart
 import numba
 import numpy as np
 
+from graspfn.physics import friction
 from graspfn.physics.native import POINTER, address, function
 
 LET_GO = 1e6  # rad/s or m/s, to which no effort brings a finger in a step
@@ -19,6 +20,7 @@ HAND, LEFT, RIGHT = range(3)  # parts of the hand, and its degrees of freedom, w
 class Drives:
     """The drives of a hand on a vertical slide with two fingers.
 
+    solver: address of the solver of contacts, which begins with one of `tables` (friction.tables), in every step anew;
     speed: at most, of the fingers; spurt: by how much it may grow in a step; both rad/s or m/s. max_energy: joule.
     """
 
@@ -33,11 +35,15 @@ class Drives:
     ):
         dofs = [*hand.getDofs(), *body.getDofs()]
         parts = hand.getBodyNodes()  # palm, left and right finger
-        self._alive = world, hand, body, dofs, parts
+        solver = world.getConstraintSolver().getBoxedLcpSolver()
+        self._alive = world, hand, body, dofs, parts, solver
+        self.solver, self.tables = address(solver), friction.tables(solver)
         last_result = function("_ZNK4dart10simulation5World22getLastCollisionResultEv", POINTER, POINTER)
         self._arguments = (
             address(world),
             last_result(address(world)),
+            self.solver,
+            self.tables,
             address(body),
             np.array([address(part) for part in parts], dtype=np.uintp),
             np.array([address(dof) for dof in dofs], dtype=np.uintp),
@@ -66,6 +72,7 @@ def _compiled() -> Any:
     command = function(f"_ZN4{of_dof}10setCommandEd", None, POINTER, real)
     energy = function("_ZNK4dart8dynamics8Skeleton20computeKineticEnergyEv", real, POINTER)
     step = function("_ZN4dart10simulation5World4stepEb", None, POINTER, ctypes.c_int)
+    copy = function("memcpy", None, POINTER, POINTER, POINTER)
     touches = function(
         "_ZNK4dart9collision15CollisionResult11inCollisionEPKNS_8dynamics8BodyNodeE", ctypes.c_uint8, POINTER, POINTER
     )
@@ -83,16 +90,18 @@ def _compiled() -> Any:
 
     @numba.njit
     def drive(  # type: ignore[no-untyped-def]
-        world, last_result, body, parts, dofs, speed, spurt, max_energy, rise, steps, squeezed
+        world, last_result, solver, tables, body, parts, dofs, speed, spurt, max_energy, rise, steps, squeezed
     ):
         # DART bounds friction by the normal forces that there would be without it. Without it an object between two
         # fingers may escape, and fingers that follow no faster than their drives allow would hardly press on it. So
-        # they are let go, and the step is taken again where friction did not hold them (docs/physics.md).
+        # they are let go, and the step is taken again where friction did not hold them; and friction is bounded by the
+        # normal forces of contacts that stick, for as long as both fingers touch the object (docs/physics.md).
         positions, velocities = np.empty(len(dofs)), np.empty(len(dofs))
         for _ in range(steps):
             left = min(velocity(dofs[LEFT]) + spurt, speed)
             right = min(velocity(dofs[RIGHT]) + spurt, speed)
             held = False
+            copy(solver, tables.ctypes.data + squeezed * friction.WORD, friction.WORD)
             if squeezed:
                 for i, dof in enumerate(dofs):
                     positions[i], velocities[i] = position(dof), velocity(dof)

@@ -34,6 +34,7 @@ class Kinematics(ABC):
     def __init__(self, gripper: Gripper):
         self.length = gripper.finger_length_mm / 1e3
         self.width = gripper.finger_width_mm / 1e3
+        self.clearance = gripper.clearance_mm / 1e3
         self.thickness = gripper.finger_thickness_mm / 1e3
         self.palm_size = np.array([gripper.palm_length_mm, gripper.palm_width_mm, gripper.palm_height_mm]) / 1e3
 

@@ -72,6 +72,7 @@ class ReportInputs:
     manifests and placed: by split. rejects (split, source, name, class, reason): meshes turned down.
     account, test_account: of the labels of training and test objects; graspable: those of the test objects that can be
     held; widths_m: the narrowest width of each as it was placed, by id. plans: the trials, those of one pose together.
+    disturbed: plans on disturbed images.
     films: of several objects, by whether they are "held" or "failed".
     data: where the objects' meshes and poses lie, too many to hold. stage_seconds: how long each stage took, for those
     where it is known.
@@ -93,6 +94,7 @@ class ReportInputs:
     training: Mapping[str, pd.DataFrame]
     trials: pd.DataFrame
     plans: pd.DataFrame
+    disturbed: pd.DataFrame
     robot_trials: pd.DataFrame
     robot_uncertainty: pd.DataFrame
     robot_unused: pd.DataFrame
@@ -240,6 +242,7 @@ def load_inputs(data: Path, params: Any, stage_seconds: Mapping[str, float]) -> 
         training=_histories(data / "networks", networks),
         trials=trials,
         plans=plans_of(trials),
+        disturbed=pd.read_parquet(data / "robustness.parquet"),
         robot_trials=robot_trials,
         robot_uncertainty=pd.read_parquet(data / "robot_uncertainty.parquet"),
         robot_unused=pd.read_parquet(data / "robot_unused.parquet"),

@@ -163,7 +163,7 @@ def durations(inputs: ReportInputs) -> list[tuple[str, str]]:
     runs = [f"{network}-{seed}" for network in inputs.params.networks for seed in inputs.params.training_seeds]
     for name in ("pretrain", "train", "predict"):
         stages += [f"{name}@{run}" for run in runs]
-    stages += ["evaluate", "record_robot", "analyse_robot"]
+    stages += ["evaluate", "disturb", "record_robot", "analyse_robot"]
     return [(stage, seconds(float(inputs.stage_seconds.get(stage, "nan")))) for stage in stages]
 
 

@@ -6,6 +6,8 @@ import json
 import shutil
 from pathlib import Path
 
+import pandas as pd
+
 from graspfn.reporting import layout, tables
 from graspfn.reporting.figures import success
 from graspfn.reporting.figures.registry import by_success, draw_all
@@ -13,12 +15,19 @@ from graspfn.reporting.figures.style import save_plate
 from graspfn.reporting.inputs import ReportInputs
 from graspfn.reporting.metrics import metrics
 from graspfn.reporting.page import Picture, render_page
+from graspfn.reporting.robustness import caption_robustness, layout_robustness, robustness_table
 
 
-def write_tables(inputs: ReportInputs, tables1: tables.Tables1, folder: Path) -> list[layout.Layout]:
-    """table{1,2} as .csv, .md and .tex; and what `dvc plots` draws of Table 1.
+def _to_csv(table: pd.DataFrame, path: Path) -> None:
+    table.to_csv(path, index=False, float_format="%.6g", lineterminator="\n")
 
-    Returns the layouts of Table 1's means, Table 1 and Table 2.
+
+def write_tables(
+    inputs: ReportInputs, tables1: tables.Tables1, robustness: pd.DataFrame, folder: Path
+) -> list[layout.Layout]:
+    """table{1,2} as .csv, .md and .tex; robustness as .csv and .md; and what `dvc plots` draws of Table 1.
+
+    Returns the layouts of Table 1's means, Table 1, Table 2 and robustness.
     """
     scale, table2 = inputs.params.scale, tables.table2(inputs.robot_trials)
     means = layout.layout_means(tables1.means, tables.caption_means(tables1.means))
@@ -28,14 +37,17 @@ def write_tables(inputs: ReportInputs, tables1: tables.Tables1, folder: Path) ->
     }
     folder.mkdir(parents=True, exist_ok=True)
     for table, (name, shown) in zip((tables1.cells, table2), laid_out.items(), strict=True):
-        table.to_csv(folder / f"{name}.csv", index=False, float_format="%.6g", lineterminator="\n")
+        _to_csv(table, folder / f"{name}.csv")
         (folder / f"{name}.md").write_text(layout.to_markdown(shown), encoding="utf-8")
         (folder / f"{name}.tex").write_text(layout.to_tex(shown, f"tab:{name}"), encoding="utf-8")
-    series = success.series(tables1.cells, by_success(tables1.cells)[0])
-    series.to_csv(folder / "success_vs_sigma_uv.csv", index=False, float_format="%.6g", lineterminator="\n")
+    _to_csv(success.series(tables1.cells, by_success(tables1.cells)[0]), folder / "success_vs_sigma_uv.csv")
+    _to_csv(robustness, folder / "robustness.csv")
+    caption = caption_robustness(robustness, inputs.params.disturb, scale)
+    third = layout_robustness(robustness, caption)
+    (folder / "robustness.md").write_text(layout.to_markdown(third), encoding="utf-8")
     with (folder / "table1.md").open("a", encoding="utf-8") as file:
         file.write("\n" + layout.to_markdown(means))
-    return [means, *laid_out.values()]
+    return [means, *laid_out.values(), third]
 
 
 def write_report(inputs: ReportInputs, folder: Path) -> None:
@@ -44,9 +56,10 @@ def write_report(inputs: ReportInputs, folder: Path) -> None:
     Equal inputs give equal bytes. Figures of an earlier report are removed.
     """
     tables1 = tables.Tables1.of(inputs.plans, inputs.graspable)
-    layouts = write_tables(inputs, tables1, folder)
+    robustness = robustness_table(inputs.disturbed)
+    layouts = write_tables(inputs, tables1, robustness, folder)
     shutil.rmtree(folder / "figures", ignore_errors=True)
-    plates = draw_all(inputs, tables1.cells)
+    plates = draw_all(inputs, tables1.cells, robustness)
     pictures = [Picture(plate.name, plate.caption, save_plate(plate, folder / "figures")) for plate in plates]
     numbers = metrics(inputs, tables1)
     (folder / "metrics.json").write_text(json.dumps(numbers, indent=2) + "\n")

@@ -12,9 +12,9 @@ import trimesh
 
 from graspfn.geometry.transforms import apply
 from graspfn.meshes.placed import RESTING, T_world_object, load_placed
-from graspfn.physics.fitting import ANGLES
 
 AS_DRAWN, SMALLER = "as drawn", "made smaller"
+ANGLES = np.radians(np.arange(180))
 
 
 def narrowest_width(mesh: trimesh.Trimesh, T_world_object: np.ndarray) -> float:

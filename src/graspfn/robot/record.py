@@ -1,4 +1,4 @@
-"""Writing one trial as an MCAP file that rosbag2 and Foxglove open.
+"""One trial as an MCAP file that rosbag2 and Foxglove open.
 
 The bytes depend on the trial alone: times are simulated, from one second after the epoch (a ROS time of 0 means
 "unknown"), not read from a clock.
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 from mcap.writer import CompressionType
@@ -17,7 +16,6 @@ from mcap_ros2.writer import Writer
 from graspfn.params import Topics
 from graspfn.robot import messages
 from graspfn.robot.trial import FRAME, METADATA, PLANNED, TrialRecording
-from graspfn.workflow.files import atomic
 
 CAMERA_FRAME = "camera_depth_optical_frame"
 RECORDED = (
@@ -65,9 +63,3 @@ def trial_bytes(trial: TrialRecording, topics: Topics, depth_encoding: str) -> b
         writer.write_message(topic, schemas[kind], message, log_time=time, sequence=sequence)
     writer.finish()
     return stream.getvalue()
-
-
-def write_trial(path: Path, trial: TrialRecording, topics: Topics, depth_encoding: str) -> None:
-    """Write `trial` to `path`, whole or not at all, as `trial_bytes` has it."""
-    with atomic(path) as part:
-        part.write_bytes(trial_bytes(trial, topics, depth_encoding))

@@ -185,7 +185,7 @@ def _spiral(rng: np.random.Generator, steps: int, rise: float) -> Manifold:
 
 def tent(rng: np.random.Generator) -> Manifold:
     """A ridge tent, a dome, a tipi or a pavilion, hollow and open at the front."""
-    height, width, depth = rng.uniform(0.4, 0.65), rng.uniform(0.6, 0.9), rng.uniform(0.6, 1.0)
+    height, width, depth = rng.uniform(0.35, 0.7), rng.uniform(0.55, 0.95), rng.uniform(0.6, 1.0)
     kind = rng.choice(["ridge", "dome", "tipi", "pavilion"])
     if kind == "pavilion":
         return _pavilion(rng, width, depth, height)

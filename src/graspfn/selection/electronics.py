@@ -10,8 +10,8 @@ from graspfn.selection.primitives import SEGMENTS, ball, box, disc, outline, rec
 
 def keyboard(rng: np.random.Generator) -> Manifold:
     """A wedge of a case with rows of keys, with or without a number pad."""
-    width, depth = rng.uniform(0.65, 1.0), rng.uniform(0.26, 0.38)
-    front, back = rng.uniform(0.035, 0.05), rng.uniform(0.05, 0.08)
+    width, depth = rng.uniform(0.65, 1.0), rng.uniform(0.26, 0.45)
+    front, back = rng.uniform(0.035, 0.06), rng.uniform(0.05, 0.14)
     side = outline([(-depth / 2, 0), (depth / 2, 0), (depth / 2, back), (-depth / 2, front)])
     case = slab(side, width).rotate((90, 0, 90)).translate((-width / 2, 0, 0))
     rows, columns = int(rng.integers(4, 6)), int(rng.integers(8, 12))

@@ -24,8 +24,8 @@ def legs(rng: np.random.Generator, x: float, y: float, height: float, splay: flo
 
 def chair(rng: np.random.Generator) -> Manifold:
     """Four legs or a swivel foot, a seat, a panelled or slatted back, arms on some."""
-    width, depth, height = rng.uniform(0.4, 0.5), rng.uniform(0.38, 0.48), rng.uniform(0.38, 0.48)
-    thick = rng.uniform(0.04, 0.08)
+    width, depth, height = rng.uniform(0.36, 0.55), rng.uniform(0.36, 0.52), rng.uniform(0.34, 0.5)
+    thick = rng.uniform(0.04, 0.09)
     parts = [slab(rectangle(width, depth, rng.uniform(0.01, 0.06)), thick, (0, 0, height))]
     x, y = width / 2 - 0.05, depth / 2 - 0.05
     if rng.random() < 0.25:

@@ -10,20 +10,21 @@ from graspfn.selection.primitives import SEGMENTS, box, disc, outline, rectangle
 
 def guitar(rng: np.random.Generator) -> Manifold:
     """Body with a waist, neck and head; acoustic with a sound hole or a thin electric one."""
-    lower, upper = rng.uniform(0.17, 0.21), rng.uniform(0.12, 0.16)
-    waist = rng.uniform(0.22, 0.27)
+    lower, upper = rng.uniform(0.13, 0.25), rng.uniform(0.1, 0.17)
+    waist = rng.uniform(0.2, 0.32)
     bouts = CrossSection.circle(lower, SEGMENTS) + CrossSection.circle(upper, SEGMENTS).translate((waist, 0))
     body = bouts.offset(0.07, JoinType.Round, circular_segments=16).offset(-0.07, JoinType.Round, circular_segments=16)
     electric = rng.random() < 0.4
-    depth = rng.uniform(0.05, 0.065) if electric else rng.uniform(0.09, 0.12)
+    depth = rng.uniform(0.05, 0.075) if electric else rng.uniform(0.08, 0.16)
     if electric:  # a cutaway leaves a horn beside the neck
         body = body - CrossSection.circle(0.085, 16).translate((waist + upper, upper * 0.75))
     solid = slab(body.simplify(0.003), depth)
     if not electric:
         solid -= disc(rng.uniform(0.05, 0.065), depth, (waist * 0.75, 0, 0.45 * depth))
-    end, width = rng.uniform(0.68, 0.75), rng.uniform(0.05, 0.065)
+    end, width = rng.uniform(0.6, 0.9), rng.uniform(0.05, 0.08)
     neck = box((end - waist, width, 0.042), ((end + waist) / 2, 0, depth))
-    head = slab(outline([(0, -0.04), (0.13, -0.055), (0.13, 0.055), (0, 0.04)]), 0.04)
+    long, broad = rng.uniform(0.1, 0.22), rng.uniform(0.05, 0.085)
+    head = slab(outline([(0, -0.04), (long, -broad), (long, broad), (0, 0.04)]), 0.04)
     head = head.rotate((0, rng.uniform(5, 14), 0)).translate((end - 0.015, 0, depth - 0.02))
     bridge = box((0.04, 0.14, 0.03), (-0.35 * lower, 0, depth + 0.01))
     return unite([solid, neck, head, bridge])
@@ -32,7 +33,7 @@ def guitar(rng: np.random.Generator) -> Manifold:
 def piano(rng: np.random.Generator) -> Manifold:
     """An upright or a grand, the player's side towards -y."""
     whole = _grand(rng) if rng.random() < 0.5 else _upright(rng)
-    return whole.scale((rng.uniform(0.8, 1.15), 1, rng.uniform(0.9, 1.1)))
+    return whole.scale((rng.uniform(0.75, 1.3), rng.uniform(0.85, 1.15), rng.uniform(0.85, 1.2)))
 
 
 def _keys(width: float, count: int, long: float) -> list[Manifold]:

@@ -14,17 +14,20 @@ import trimesh
 from manifold3d import CrossSection, JoinType, Manifold
 from scipy.interpolate import PchipInterpolator
 
+from graspfn.meshes.errors import RejectedMeshError
+
 SEGMENTS = 24  # sides of a full circle: round enough in a 132 x 176 image, cheap enough for collision detection
 Point = Sequence[float] | np.ndarray
 Points = Sequence[Point] | np.ndarray
 
 
 def to_trimesh(solid: Manifold) -> trimesh.Trimesh:
-    """The surface of a solid in one piece."""
+    """The surface of a solid; RejectedMeshError where it is in pieces, as one generated object in a thousand is."""
     # booleans of nearly coincident surfaces leave needles; as_original forgets which part a face came from, which
     # would keep the seams between parts from being simplified
     solid = solid.as_original().simplify(1e-3)
-    assert len(solid.decompose()) == 1, "the parts of an object do not touch"
+    if len(solid.decompose()) != 1:
+        raise RejectedMeshError("its parts do not touch")
     mesh = solid.to_mesh64()
     return trimesh.Trimesh(mesh.vert_properties[:, :3], mesh.tri_verts.astype(np.int64), process=False)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
@@ -10,7 +11,6 @@ import trimesh
 
 from graspfn.meshes.errors import MeshError, RejectedMeshError
 from graspfn.meshes.mass import solid
-from graspfn.meshes.store import Object, Row
 from graspfn.params import Meshes
 from graspfn.seeds import generator
 from graspfn.selection.candidate import Candidate, Source
@@ -18,6 +18,8 @@ from graspfn.selection.cleaning import clean
 from graspfn.selection.collision import collision_mesh
 from graspfn.selection.signature import Shapes, signature
 from graspfn.selection.sources import source_of
+from graspfn.selection.trained import Trained
+from graspfn.selection.written import Object, Row
 
 IN_VAIN = 200  # meshes turned down one after the other: an endless source would go on for ever
 REJECTS = ("split", "source", "name", "class", "reason")
@@ -95,6 +97,7 @@ class Selection:
     map: Map = one_by_one
     rejects: list[Row] = field(default_factory=list)  # with the keys of REJECTS
     _drawn: dict[str, str] = field(default_factory=dict)  # id: the split that drew it
+    _trained: Trained = field(default_factory=Trained)
     _shapes: dict[str, Shapes] = field(default_factory=lambda: {"train": Shapes(), "test": Shapes()})
     _name_of: dict[str, str] = field(default_factory=dict)  # id of an object: the shape it has
 
@@ -152,12 +155,18 @@ class Selection:
         if isinstance(result, Exception):  # a library's error on a mesh nobody foresaw, or a worker that died of it
             raise RejectedMeshError(f"failed: {type(result).__name__} {' '.join(str(result).split())}") from result
         found = np.array(result.row["signature"])
-        if split == "test" and (twin := self._shapes["train"].like(found)):
-            raise RejectedMeshError(f"copy: it has the shape of {twin}, which is to train on")
+        nearest = {"nearest": "", "nearest_distance": math.nan}
+        if split == "train":
+            self._trained.add(name, found, result.mesh)
+        elif near := self._trained.nearest(found, result.mesh):
+            if near.same:
+                apart = f"surfaces {100 * near.distance:.2f} % of its size apart"
+                raise RejectedMeshError(f"copy: it has the shape of {near.id}, which is to train on ({apart})")
+            nearest = {"nearest": near.id, "nearest_distance": near.distance}
         twin = self._shapes[split].like(found)
         self._shapes[split].add(name, found)
         self._name_of[name] = self._name_of[twin] if twin else name
-        return Object(result.row | {"shape": self._name_of[name]}, result.mesh, result.collision)
+        return Object(result.row | {"shape": self._name_of[name]} | nearest, result.mesh, result.collision)
 
     def _too_few(self, found: str) -> str:
         asked = f"meshes.train + meshes.test = {self.meshes.train} + {self.meshes.test}"

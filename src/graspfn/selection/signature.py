@@ -61,11 +61,15 @@ class Shapes:
     ids: list[str] = field(default_factory=list)
     _known: np.ndarray = field(default_factory=lambda: np.empty((0, LENGTH)))
 
+    def distances(self, wanted: np.ndarray) -> np.ndarray:
+        """(n,): how far the signature of each known shape lies from this one (11,), in the number that differs most."""
+        return np.abs(self._known - wanted).max(axis=1)
+
     def like(self, wanted: np.ndarray) -> str | None:
         """The id of the nearest object of the same shape, if there is one."""
         if not self.ids:
             return None
-        distance = np.abs(self._known - wanted).max(axis=1)
+        distance = self.distances(wanted)
         nearest = int(distance.argmin())
         return self.ids[nearest] if distance[nearest] < TOLERANCE else None
 

@@ -10,27 +10,29 @@ from graspfn.selection.primitives import ball, box, disc, outline, rectangle, ro
 
 def hammer(rng: np.random.Generator) -> Manifold:
     """Handle along x; the head a claw, a ball or cross peen, or a mallet's block."""
-    grip = rng.uniform(0.032, 0.05)
-    handle = rod([(0, 0, 0), (0.3, 0, 0), (0.45, 0, 0), (1, 0, 0)], [grip, grip * 1.1, grip * 0.75, grip * 0.75])
+    grip, end = rng.uniform(0.035, 0.065), rng.uniform(0.2, 0.45)
+    neck = max(grip * rng.uniform(0.5, 1.0), 0.026)
+    handle = rod([(0, 0, 0), (end, 0, 0), (end + 0.15, 0, 0), (1, 0, 0)], [grip, grip * 1.1, neck, neck])
     handle = handle.scale((1, 1, rng.uniform(0.7, 1.0)))
     kind = rng.choice(["claw", "ball", "cross", "mallet"])
     if kind == "mallet":
-        radius, half = rng.uniform(0.09, 0.14), rng.uniform(0.16, 0.24)
+        radius, half = rng.uniform(0.08, 0.17), rng.uniform(0.14, 0.3)
         block = disc(radius, 2 * half)
         if rng.random() < 0.5:
             block = box((2 * radius, 1.6 * radius, 2 * half), (0, 0, half))
         return handle + block.rotate((90, 0, 0)).translate((0.94, half, 0))
-    face, reach = rng.uniform(0.055, 0.075), rng.uniform(0.14, 0.2)
+    face, reach = rng.uniform(0.05, 0.08), rng.uniform(0.12, 0.24)
     poll = disc(face * 0.75, reach).rotate((90, 0, 0)) + disc(face, 0.05).rotate((90, 0, 0)).translate((0, -reach, 0))
     cheek = box((0.11, 0.12, 0.1))
     if kind == "claw":
-        peen = _claw(rng.uniform(0.2, 0.28))
+        peen = _claw(rng.uniform(0.16, 0.32))
     elif kind == "ball":
-        peen = rod([(0, 0, 0), (0, 0.13, 0)], 0.04) + ball((face, face, face), (0, 0.16, 0))
+        out = rng.uniform(0.1, 0.2)
+        peen = rod([(0, 0, 0), (0, out - 0.03, 0)], 0.04) + ball((face, face, face), (0, out, 0))
     else:
         wedge = outline([(-0.05, 0), (0.05, 0), (0.018, reach), (-0.018, reach)])
         peen = slab(wedge, 0.1, (0, 0, -0.05))
-    return handle + unite([poll, cheek, peen]).translate((0.95, 0, 0))
+    return handle + unite([poll, cheek, peen]).scale([rng.uniform(0.8, 1.5)] * 3).translate((0.95, 0, 0))
 
 
 def _claw(reach: float) -> Manifold:

@@ -49,12 +49,12 @@ def bowl(rng: np.random.Generator) -> Manifold:
 
 def dish(rng: np.random.Generator) -> Manifold:
     """A shallow plate, round or oval."""
-    height, flat = rng.uniform(0.11, 0.18), rng.uniform(0.25, 0.38)
+    height, flat = rng.uniform(0.1, 0.24), rng.uniform(0.2, 0.4)
     # the last stretch is upright: a rim cut level from a sloping wall would be a knife's edge
     middle = [(flat + 0.5) / 2, height * rng.uniform(0.25, 0.45)]
     curve = np.array([[flat, 0.0], middle, [0.5, height - 0.04], [0.5, height]])
     plate = revolve(curve, 32) - cavity(curve, rng.uniform(0.045, 0.055), 32)
-    return plate.scale((1, rng.uniform(0.75, 1.0), 1))
+    return plate.scale((1, rng.uniform(0.6, 1.0), 1))
 
 
 def cup(rng: np.random.Generator) -> Manifold:
@@ -114,12 +114,16 @@ def lamp(rng: np.random.Generator) -> Manifold:
 
 
 def cone(rng: np.random.Generator) -> Manifold:
-    """A traffic cone on its plate."""
-    radius, tip = rng.uniform(0.2, 0.32), rng.uniform(0.03, 0.07)
-    edge = 2 * radius + rng.uniform(0.08, 0.2)
-    plate = slab(rectangle(edge, edge, rng.uniform(0.02, 0.1)), rng.uniform(0.04, 0.07))
-    bands = [disc(radius * 0.62 + 0.02, 0.08, (0, 0, 0.4))] if rng.random() < 0.3 else []
-    return unite([plate, disc(radius, 1.0, top_radius=tip), *bands])
+    """A traffic cone, slender or squat, on a square or round plate; collars on some."""
+    radius, tip = rng.uniform(0.14, 0.42), rng.uniform(0.03, 0.12)
+    edge, thick = 2 * radius + rng.uniform(0.06, 0.34), rng.uniform(0.04, 0.14)
+    rounding = rng.uniform(0.02, 0.1) if rng.random() < 0.6 else 0.49 * edge
+    plate = slab(rectangle(edge, edge, rounding), thick)
+    collars = []
+    for height in rng.uniform(0.25, 0.75, rng.integers(0, 3)):
+        around = radius + (tip - radius) * height  # of the cone there
+        collars.append(disc(around + rng.uniform(0.02, 0.05), rng.uniform(0.05, 0.15), (0, 0, height)))
+    return unite([plate, disc(radius, 1.0, top_radius=tip), *collars])
 
 
 def bathtub(rng: np.random.Generator) -> Manifold:

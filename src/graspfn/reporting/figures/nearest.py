@@ -35,13 +35,11 @@ def _picture(data: Path, placed: pd.DataFrame, split: str, name: str) -> np.ndar
 
 
 def plates(data: Path, manifests: Mapping[str, pd.DataFrame], placed: Mapping[str, pd.DataFrame]) -> Iterator[Plate]:
-    """One figure, where the manifest of the test objects says what is nearest to each and how near."""
+    """One figure, where both came to rest: of the objects shown, those whose surfaces lie nearest to each other."""
     test = manifests["test"]
-    if not {"nearest", "nearest_distance"} <= set(test.columns):
-        return
     rests = {split: set(table.loc[table["status"] == RESTING, "id"]) for split, table in placed.items()}
     shown = test[test["id"].isin(rests["test"]) & test["nearest"].isin(rests["train"])]
-    if shown["nearest_distance"].dropna().empty:
+    if shown.empty:
         return
     line = shown.sort_values("nearest_distance").iloc[0]
     pair = {
@@ -51,7 +49,8 @@ def plates(data: Path, manifests: Mapping[str, pd.DataFrame], placed: Mapping[st
     yield Plate(
         "nearest_pair",
         f"The nearest pair across the split: of all test objects, {line['id']} is most like a training object, "
-        f"{line['nearest']}, at a distance of {line['nearest_distance']:.3g}; the median test object is at "
-        f"{test['nearest_distance'].median():.3g} from the training object nearest to it. Each at its own scale.",
+        f"{line['nearest']}. Laid on each other, their surfaces lie {100 * line['nearest_distance']:.2g} % of its size "
+        f"apart on average; of the median test object and its nearest, "
+        f"{100 * test['nearest_distance'].median():.2g} %. Each at its own scale.",
         draw_pair(pair),
     )

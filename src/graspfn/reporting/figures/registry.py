@@ -18,6 +18,7 @@ from graspfn.reporting.figures import (
     label_outcomes,
     nearest,
     promise,
+    robustness,
     simulated_grasps,
     success,
     training_curves,
@@ -124,11 +125,12 @@ def _functions(inputs: ReportInputs, network: str) -> Iterator[Plate]:
     )
 
 
-def _results(inputs: ReportInputs, table1: pd.DataFrame) -> Iterator[Plate]:
+def _results(inputs: ReportInputs, table1: pd.DataFrame, disturbed: pd.DataFrame) -> Iterator[Plate]:
     plans = inputs.plans
     yield from success.plates(table1, plans, inputs.graspable, inputs.widths_m, by_success(table1))
     yield from promise.plates(table1, plans)
     yield from expected.plates(table1, plans)
+    yield from robustness.plates(disturbed, by_success(table1))
     starts = inputs.params.training_seeds
     which = f" Of {len(starts)} training seeds the first." if len(starts) > 1 else ""
     yield Plate(
@@ -187,9 +189,9 @@ def _scenes(inputs: ReportInputs) -> Iterator[Plate]:
     yield from nearest.plates(inputs.data, inputs.manifests, inputs.placed)
 
 
-def draw_all(inputs: ReportInputs, table1: pd.DataFrame) -> Iterator[Plate]:
-    """Every figure, one at a time."""
+def draw_all(inputs: ReportInputs, table1: pd.DataFrame, disturbed: pd.DataFrame) -> Iterator[Plate]:
+    """Every figure, one at a time; disturbed: the table of robustness."""
     yield from _functions(inputs, by_success(table1)[0])
-    yield from _results(inputs, table1)
+    yield from _results(inputs, table1, disturbed)
     yield from _images(inputs)
     yield from _scenes(inputs)

@@ -42,7 +42,7 @@ def fates(own: pd.DataFrame) -> str:
 def plates(table: pd.DataFrame, fit: bool) -> Iterator[Plate]:
     """One figure; fit: whether objects were placed at a size that fits the gripper."""
     why = (
-        "An object that does not fit the gripper at rest is made smaller or else dropped anew in another orientation; "
+        "An object of which no part fits the gripper is made smaller or else dropped anew in another orientation; "
         "what was dropped anew and then fitted counts as drawn. "
         if fit
         else "Objects were placed as they were drawn, whether they fit the gripper or not (settle.fit). "
