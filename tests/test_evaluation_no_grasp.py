@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
+import physics_params
 import pytest
 from test_robot_recording import TOPICS, trial, write_trial
 
@@ -17,6 +19,7 @@ from graspfn.imaging.camera import Camera
 from graspfn.imaging.height_map import height_map
 from graspfn.params import Plan
 from graspfn.physics.attempt import Outcome, Result
+from graspfn.physics.world import Rig
 from graspfn.planning.smoothing import PlanningError
 from graspfn.planning.uncertainty import PoseUncertainty
 from graspfn.reporting import tables
@@ -96,8 +99,10 @@ def test_a_recording_without_a_grasp_comes_back(tmp_path):
 
 
 def test_the_simulated_robot_records_what_it_could_not_try(tmp_path, monkeypatch):
-    monkeypatch.setattr(simulated, "Bench", SureBench)
-    for made in simulated.record(Seen("a", 0, EMPTY, SCENE), CELLS, plans(functions()), None, None, CAMERA, 0):
+    sure = SimpleNamespace(run=lambda q, whole, film: Result(Outcome.HELD))
+    monkeypatch.setattr(simulated, "Grasper", lambda resting, rig: sure)
+    rig = Rig(physics_params.PHYSICS, physics_params.GRIPPER, physics_params.ATTEMPT)
+    for made in simulated.record(Seen("a", 0, EMPTY, SCENE), CELLS, plans(functions()), None, rig, CAMERA, 0):
         write_trial(tmp_path / file_name(made.condition), made, TOPICS, "16UC1")
     done = analyse(tmp_path.glob("*.mcap"), TOPICS)
     trials, found = done.trials, done.uncertainty
@@ -133,7 +138,7 @@ def test_recordings_without_a_grasp_say_nothing_about_the_arm(tmp_path):
     ],
 )
 def test_recordings_that_contradict_themselves_are_one_line(tmp_path, monkeypatch, made, metadata, says):
-    from mcap_ros2.writer import Writer
+    from mcap.writer import Writer
 
     path, write = tmp_path / "a.mcap", Writer.add_metadata
     monkeypatch.setattr(Writer, "add_metadata", lambda self, name, data: write(self, name, data | metadata))

@@ -40,6 +40,10 @@ RECORDINGS = Path("data/recordings")  # of the simulated robot
 ARM = Arm("topic", FRAME, "up", "base_link", "gripper", "x", None, 1, None)  # whose poses are all in the frame `table`
 
 
+class NeverClosed(RecordingError):
+    """The fingers did not: there is no moment at which they began to."""
+
+
 def _count(items: list[Any]) -> str:
     return "no message" if not items else "1 message" if len(items) == 1 else f"{len(items)} messages"
 
@@ -174,8 +178,8 @@ class _Trial:
             raise RecordingError("nothing tells when the fingers close; arm.finger_joints or topics.gripper does")
         with naming(self.topics.joints):
             seconds = closing_s(*self.fingers, self.arm.finger_sign)
-            if seconds is None:
-                raise RecordingError(f"{', '.join(self.arm.finger_joints)} never closed")
+        if seconds is None:
+            raise NeverClosed(f"topic {self.topics.joints}: {', '.join(self.arm.finger_joints)} never closed")
         return self.zero_ns + round(seconds * 1e9)
 
     @property
@@ -205,7 +209,13 @@ class _Trial:
                 raise RecordingError("what the trial was lacks reached_u_mm, reached_v_mm, reached_theta_deg")
             return reached
         if self.arm.achieved == "tf":
-            return self.places.gripper(self.closing_ns)
+            try:
+                return self.places.gripper(self.closing_ns)
+            except NeverClosed as error:
+                if self.success:
+                    raise
+                self.doubts.append(str(error))  # the arm was stopped on its way: a failure, and no pose to measure
+                return None
         found = self.raw("achieved")
         if not found:
             raise RecordingError(f"no message on topic {self.topics.achieved}")

@@ -141,6 +141,7 @@ class TrialRecording:
     depth: (height, width) float32, metres, NaN where nothing was measured: the image that was planned on.
     camera_matrix: (3, 3) of that image; distortion: of its lens, as `imaging.camera.Camera` has it.
     commanded, achieved: (3,) poses (u [m], v [m], theta [rad]); None where the method found no grasp: a failure.
+    achieved is None too where the arm was stopped before its fingers closed.
     joint_time_s: (T,) since the command; joint_positions: (T, len(joint_names)), metres or radians.
     success: the object was off the table and in the gripper at the top.
     flags: what is odd about the recording, a line each. doubts: what is wrong with `achieved`, so that it measures
