@@ -6,7 +6,7 @@ from pathlib import Path
 from graspfn.params import Declared
 from graspfn.robot.analyse import analyse
 from graspfn.robot.covariance_file import file_name, write_covariance
-from graspfn.robot.described import read_table
+from graspfn.robot.described import read_tables
 from graspfn.robot.read import recordings, source_of
 from graspfn.workflow.files import write_parquet
 from graspfn.workflow.stage import stage
@@ -22,7 +22,8 @@ TRIALS, UNCERTAINTY, UNUSED, COVARIANCE = (
 @stage("analyse_robot")
 def main(params: Declared) -> None:
     folder, arm = source_of(params.robot, params.arm)
-    found = analyse(recordings(folder), params.topics, arm, read_table(folder))
+    bags = recordings(folder)
+    found = analyse(bags, params.topics, arm, read_tables(folder, bags), folder)
     for reason in found.unused["reason"]:
         print(f"left out: {reason}")
     found.check(params.robot.max_failed)

@@ -375,7 +375,8 @@ def test_a_folder_of_many_trials_is_no_bag(tmp_path):
     for name in ("monday/a.mcap", "tuesday/tuesday_0.mcap", "wednesday/wednesday_0.mcap", "wednesday/b.mcap"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).touch()
-    assert [path.name for path in recordings(tmp_path)] == ["tuesday"]
+    found = [path.relative_to(tmp_path).as_posix() for path in recordings(tmp_path)]
+    assert found == ["monday/a.mcap", "tuesday", "wednesday/b.mcap", "wednesday/wednesday_0.mcap"]
 
 
 def test_clocks_that_jump_and_orders_that_cannot_be_are_doubts(tmp_path):

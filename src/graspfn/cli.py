@@ -124,25 +124,34 @@ def logs(
     paths: Annotated[list[Path], typer.Argument(help="Folders of bags, or bags.", metavar="PATH...")],
     out: Annotated[Path | None, typer.Option(help="Folder to write the tables and Sigma to.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print all as JSON.")] = False,
+    network: Annotated[
+        list[str] | None, typer.Option(help="NAME=FOLDER of a network, to plan again with.", metavar="NAME=FOLDER")
+    ] = None,
 ) -> None:
     """Table 2 and the pose uncertainty of recordings, with the topics and frames of params.yaml.
 
     For example: graspfn logs bags/monday bags/tuesday --out results
     """
-    from graspfn.robot_logs import analyse_paths, as_dict, text, write  # scipy and pandas are slow to import
+    from graspfn import robot_logs  # scipy, torch and pandas are slow to import
 
     try:
         params = validate(read_yaml(Path("params.yaml")))
-        found = analyse_paths(paths, params.topics, params.arm)
+        bags = robot_logs.gather(paths)
+        again = robot_logs.replanner(params, network) if network else None
+        found = bags.analysed(params.topics, params.arm)
         for reason in found.unused["reason"]:
             typer.echo(f"left out: {reason}", err=True)
+        differs = robot_logs.replan(found, bags, params, again) if again else {}
+        for file, line in differs.items():
+            typer.echo(f"{file}: {line}", err=True)
         if out is not None:
-            write(out, found)
+            robot_logs.write(out, found)
+            robot_logs.write_failures(out, found, bags, params, again, differs)
     except ValueError as error:  # ParameterError, RecordingError
         _end_at([str(error)], 2)
     except OSError as error:
         _end_at([f"--out {out}: cannot be written: {error.strerror}"], 2)
-    typer.echo(json.dumps(as_dict(found), indent=1, allow_nan=False) if as_json else text(found))
+    typer.echo(json.dumps(robot_logs.as_dict(found), indent=1, allow_nan=False) if as_json else robot_logs.text(found))
 
 
 def _problems() -> list[str]:

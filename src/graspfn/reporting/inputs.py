@@ -22,7 +22,7 @@ from graspfn.reporting.film import Film, film_best_grasp, film_failure
 from graspfn.reporting.parameters import Parameter, flat_parameters
 from graspfn.reporting.plans import graspable_objects, plans_of
 from graspfn.reporting.sizes import widths
-from graspfn.robot.described import read_table
+from graspfn.robot.described import read_tables
 from graspfn.robot.places import ANY_TABLE
 from graspfn.robot.read import read_trial, source_of
 from graspfn.robot.trial import TrialRecording
@@ -198,7 +198,7 @@ def _recorded(data: Path, trials: pd.DataFrame, params: Any) -> Recorded:
     folder, arm = source_of(params.robot, params.arm)
     if params.robot.source == "simulated":
         folder = data / "recordings"
-    table = read_table(folder)
+    table = read_tables(folder, [folder / file for file in trials["file"]])
 
     def read(file: str) -> TrialRecording:
         return read_trial(folder / file, params.topics, arm, table.get(folder / file))

@@ -77,8 +77,10 @@ class Analysis:
             raise RecordingError(f"{len(self.unused)} of {bags} bags cannot be used{allowed}; the first: {first}")
 
 
-def trial_row(path: Path, topics: Topics, arm: Arm = ARM, row: Mapping[str, str] | None = None) -> dict[str, object]:
-    """One row of the trials' table from one bag; its poses are NaN where the method found no grasp."""
+def trial_row(
+    path: Path, topics: Topics, arm: Arm = ARM, row: Mapping[str, str] | None = None, name: str = ""
+) -> dict[str, object]:
+    """One row of the trials' table from one bag, by its name; its poses are NaN where the method found no grasp."""
     trial = read_trial(path, topics, arm, row)
     c = trial.condition
     nowhere = np.full(3, np.nan)
@@ -86,7 +88,7 @@ def trial_row(path: Path, topics: Topics, arm: Arm = ARM, row: Mapping[str, str]
     reached_u, reached_v, reached_theta = (nowhere if trial.achieved is None else trial.achieved).tolist()
     injected = {name: getattr(c, name) for name in INJECTED}
     return {
-        "file": path.name,
+        "file": name or path.name,
         "object": c.object,
         "placement": c.placement,
         "method": c.method,
@@ -102,6 +104,7 @@ def trial_row(path: Path, topics: Topics, arm: Arm = ARM, row: Mapping[str, str]
         "reached_v_m": reached_v,
         "reached_theta_rad": reached_theta,
         "success": trial.success,
+        "judged": {None: "", True: "held", False: "failed"}[trial.judged],
         "simulated": c.simulated,
         "flags": "; ".join(trial.flags),
         "doubts": "; ".join(trial.doubts),
@@ -181,16 +184,27 @@ def measure(trials: pd.DataFrame) -> tuple[pd.DataFrame, tuple[Measured, ...]]:
 
 
 def analyse(
-    paths: Iterable[Path], topics: Topics, arm: Arm = ARM, table: Mapping[Path, Mapping[str, str]] | None = None
+    paths: Iterable[Path],
+    topics: Topics,
+    arm: Arm = ARM,
+    table: Mapping[Path, Mapping[str, str]] | None = None,
+    folder: Path | None = None,
 ) -> Analysis:
-    """Bags are read one at a time; what stays of each is its row. table: what trials.csv says (`read_table`)."""
+    """Bags are read one at a time; what stays of each is its row.
+
+    table: what trials.csv says (`read_table`). folder: in which bags are named by their path, else by their own name.
+    """
+
+    def name(path: Path) -> str:
+        return path.relative_to(folder).as_posix() if folder and path.is_relative_to(folder) else path.name
+
     rows, unused, left = [], [], dict(table or {})
     for path in sorted(paths):
         try:
-            rows.append(trial_row(path, topics, arm, left.pop(path, None)))
+            rows.append(trial_row(path, topics, arm, left.pop(path, None), name(path)))
         except RecordingError as error:
-            unused.append({"file": path.name, "reason": str(error)})
-    unused += [{"file": bag.name, "reason": f"{bag}: {TABLE} names it, but there is no such bag"} for bag in left]
+            unused.append({"file": name(path), "reason": str(error)})
+    unused += [{"file": name(bag), "reason": f"{bag}: {TABLE} names it, but there is no such bag"} for bag in left]
     trials = pd.DataFrame(rows)
     if len(rows):
         trials = trials.sort_values([*TRIAL, "file"], ignore_index=True)

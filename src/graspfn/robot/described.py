@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import yaml
@@ -77,6 +77,14 @@ def read_table(folder: Path) -> dict[Path, dict[str, str]]:
         rows[bag] = {key: value for key, value in line.items() if value}
         if "network" in line:
             rows[bag]["network"] = line["network"]  # none, of Centroid, is said by an empty cell
+    return rows
+
+
+def read_tables(folder: Path, bags: Iterable[Path]) -> dict[Path, dict[str, str]]:
+    """What the trials.csv of a folder, and of the folders in it that hold bags, say; the nearest to a bag counts."""
+    rows: dict[Path, dict[str, str]] = {}
+    for place in sorted({folder, *(bag.parent for bag in bags)}):
+        rows |= read_table(place)
     return rows
 
 

@@ -9,13 +9,13 @@ import numpy as np
 
 from graspfn.geometry.grid import angle_difference
 from graspfn.params import Arm
+from graspfn.robot.judged import SHUT_WORDS, judge
 from graspfn.robot.tf import stamp_ns
 from graspfn.robot.trial import Condition, RecordingError
 
 FAR_M = 0.3  # from the commanded pose no arm ends that executes it
 TURNED_DEG, WIDE_DEG = 60.0, 20.0  # where no such spread was injected, so large an angle is another axis
 JUMP_S = 1.0  # of one clock against another
-SHUT = 0.02  # share of the fingers' way within which they count as shut
 
 
 def reached(commanded: np.ndarray, achieved: np.ndarray, condition: Condition) -> list[str]:
@@ -47,10 +47,5 @@ def clock_jumps(messages: Sequence[tuple[int, Any]], topic: str) -> list[str]:
 
 def check_fingers(positions: np.ndarray, arm: Arm) -> None:
     """RecordingError where fingers (T, fingers) are shut on nothing at the end of a trial that is said to have held."""
-    told = positions[np.isfinite(positions).all(axis=1)]
-    if not len(told) or arm.finger_shut is None:
-        return
-    mean = arm.finger_sign * told.mean(axis=1)
-    shut = arm.finger_sign * arm.finger_shut
-    if mean[-1] >= shut - SHUT * (shut - mean.min()):
+    if judge(positions, arm, None)[1] == SHUT_WORDS:
         raise RecordingError("the verdict is held, but the fingers are shut on nothing (arm.finger_shut)")

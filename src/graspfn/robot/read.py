@@ -9,7 +9,7 @@ is odd is said in `TrialRecording.flags`; what keeps a reached pose from being a
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -23,6 +23,7 @@ from graspfn.robot import decode, plausible
 from graspfn.robot.bag import is_bag, open_bag, telling_damage
 from graspfn.robot.closing import closing_s
 from graspfn.robot.described import TABLE, description
+from graspfn.robot.judged import judge
 from graspfn.robot.mcap_file import Raw
 from graspfn.robot.places import Places, View
 from graspfn.robot.topics import Messages, lazy, naming, wanted
@@ -36,6 +37,7 @@ from graspfn.robot.trial import (
     was_planned,
 )
 
+LIFT_SAMPLES = 60
 RECORDINGS = Path("data/recordings")  # of the simulated robot
 ARM = Arm("topic", FRAME, "up", "base_link", "gripper", "x", None, 1, None)  # whose poses are all in the frame `table`
 
@@ -234,7 +236,45 @@ class _Trial:
         with naming(self.topics.achieved):
             return self.places.pose(chosen.time_ns, self.decode("achieved", chosen))
 
-    def recording(self) -> TrialRecording:
+    def heights(self, moments_ns: Sequence[int]) -> np.ndarray:
+        """Of the gripper above the table at moments of the recorder's clock, metres; NaN where TF does not say."""
+        places, found = self.places, []
+        for moment in moments_ns:
+            try:
+                found.append(float(places.T_table(self.arm.gripper_frame, places.stamp(moment))[2, 3]))
+            except RecordingError:
+                found.append(math.nan)
+        return np.array(found)
+
+    def judged(self, success: bool) -> bool | None:
+        """From the fingers, and the lift between their closing and the verdict; a disagreement is flagged."""
+        outcomes = self.raw("outcome")
+        if not (self.planned and outcomes and self.arm.finger_joints):
+            return None
+        lift = None
+        if self.raw("tf"):
+            try:
+                low, high = self.heights([self.closing_ns, outcomes[-1].time_ns])
+                lift = None if math.isnan(high - low) else float(high - low)
+            except RecordingError:
+                pass  # they never closed: the fingers tell
+        judged, why = judge(self.fingers[1], self.arm, lift)
+        if judged is not None and judged != success:
+            seen = "the fingers hold something up" if judged else why
+            self.flags.append(f"the verdict is {'held' if success else 'failed'}, but {seen}")
+        return judged
+
+    def lift(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times [s] since the command and heights [m] of the gripper, as far as TF has them."""
+        outcomes = self.raw("outcome")
+        if not (self.raw("tf") and outcomes and self.command_ns is not None):
+            return np.zeros(0), np.zeros(0)
+        time_s = np.linspace(0, (outcomes[-1].time_ns - self.command_ns) * 1e-9, LIFT_SAMPLES)
+        heights = self.heights([self.command_ns + round(s * 1e9) for s in time_s.tolist()])
+        known = np.isfinite(heights)
+        return time_s[known], heights[known]
+
+    def recording(self, detail: bool = False) -> TrialRecording:
         condition = Condition.from_metadata(self.said)
         command_ns = self.command_ns or 0
         success, depth, camera = self.success, self.depth, self.camera
@@ -246,6 +286,8 @@ class _Trial:
             plausible.check_fingers(self.fingers[1], self.arm)
         if commanded is not None and achieved is not None:
             self.doubts += plausible.reached(commanded, achieved, condition)
+        judged = self.judged(success)
+        lift_time_s, lift_m = self.lift() if detail else (np.zeros(0), np.zeros(0))
         return TrialRecording(
             condition=condition,
             depth=depth,
@@ -259,19 +301,26 @@ class _Trial:
             distortion=camera.distortion,
             flags=tuple(self.flags),
             doubts=tuple(dict.fromkeys(self.doubts)),
+            judged=judged,
+            lift_time_s=lift_time_s,
+            lift_m=lift_m,
         )
 
 
-def read_trial(path: Path, topics: Topics, arm: Arm = ARM, row: Mapping[str, str] | None = None) -> TrialRecording:
+def read_trial(
+    path: Path, topics: Topics, arm: Arm = ARM, row: Mapping[str, str] | None = None, detail: bool = False
+) -> TrialRecording:
     """The trial in a bag; RecordingError, in one line, where it is damaged or lacks something.
 
-    row: what trials.csv says of it, if there is one (`described.read_table`).
+    row: what trials.csv says of it, if there is one (`described.read_table`). detail: the lift over time as well.
     """
     try:
         with open_bag(path, wanted(topics), lazy(topics)) as bag:
             try:
                 with telling_damage():
-                    return _Trial(Messages(bag, topics), arm, description(path, bag.metadata, row or {})).recording()
+                    return _Trial(Messages(bag, topics), arm, description(path, bag.metadata, row or {})).recording(
+                        detail
+                    )
             except RecordingError as error:
                 raise RecordingError("; ".join([str(error), *bag.flags])) from None
     except RecordingError as error:
@@ -280,9 +329,17 @@ def read_trial(path: Path, topics: Topics, arm: Arm = ARM, row: Mapping[str, str
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from None
 
 
+def _bags(folder: Path) -> Iterator[Path]:
+    for child in folder.iterdir():
+        if is_bag(child):
+            yield child
+        elif child.is_dir() and not child.is_symlink() and not child.name.startswith("."):
+            yield from _bags(child)
+
+
 def recordings(folder: Path) -> list[Path]:
-    """The bags directly in a folder, by name."""
-    found = sorted(child for child in folder.iterdir() if is_bag(child)) if folder.is_dir() else []
+    """The bags in a folder and the folders in it, by name."""
+    found = sorted(_bags(folder)) if folder.is_dir() else []
     if not found:
         raise RecordingError(f"{folder}: no .mcap files; robot.folder takes a directory of bags, {TABLE} beside them")
     return found

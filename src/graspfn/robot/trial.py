@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -144,6 +144,8 @@ class TrialRecording:
     achieved is None too where the arm was stopped before its fingers closed.
     joint_time_s: (T,) since the command; joint_positions: (T, len(joint_names)), metres or radians.
     success: the object was off the table and in the gripper at the top.
+    judged: the same from fingers and lift (`judged.judge`), None where they do not tell. lift_m: (L,) height of the
+    gripper above the table at lift_time_s (L,) since the command; empty where it was not asked for, or TF lacks.
     flags: what is odd about the recording, a line each. doubts: what is wrong with `achieved`, so that it measures
     nothing.
     """
@@ -160,3 +162,6 @@ class TrialRecording:
     distortion: tuple[float, ...] = ()
     flags: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
+    judged: bool | None = None
+    lift_time_s: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    lift_m: np.ndarray = field(default_factory=lambda: np.zeros(0))
