@@ -155,6 +155,15 @@ def test_every_channel_says_what_rosbag2_would(tmp_path, trials):
         assert ("transient_local" in channel.metadata["offered_qos_profiles"]) == latched
 
 
+def test_rosbags_opens_a_whole_trial_and_decodes_every_message(tmp_path, trials):
+    highlevel = pytest.importorskip("rosbags.highlevel", reason="rosbags of requirements.lock is not installed")
+    one = trials["held"]
+    with highlevel.AnyReader([written(tmp_path, one)]) as reader:
+        read = [reader.deserialize(raw, connection.msgtype).__msgtype__ for connection, _, raw in reader.messages()]
+    assert read.count("tf2_msgs/msg/TFMessage") == len(one.joint_time_s) + 1
+    assert len(read) == 2 * len(one.joint_time_s) + 7
+
+
 def test_no_two_messages_of_a_topic_and_no_two_trials_share_their_time(tmp_path, trials):
     with written(tmp_path, trials["held"]).open("rb") as stream:
         reader = make_reader(stream)
