@@ -140,6 +140,13 @@ def test_an_arm_stopped_on_its_way_is_a_failure_of_table_2_and_no_error_of_sigma
     assert found.uncertainty["draws"].sum() == 1  # held and missed, by the same error
 
 
+def test_fingers_and_lift_say_what_the_simulation_does(tmp_path, trials):
+    fingers = dataclasses.replace(BY_TF, finger_shut=arm().kinematics.closed)
+    for name in ("held", "missed", "blocked"):
+        back = read_trial(written(tmp_path, trials[name]), TOPICS, fingers)
+        assert back.judged is trials[name].success and back.flags == ()
+
+
 def test_every_channel_says_what_rosbag2_would(tmp_path, trials):
     rosbags = pytest.importorskip("rosbags.typesys", reason="rosbags of requirements.lock is not installed")
     store = rosbags.get_typestore(rosbags.Stores.ROS2_JAZZY)
