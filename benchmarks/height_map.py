@@ -19,7 +19,8 @@ import trimesh
 
 from graspfn.compose import compose
 from graspfn.geometry.transforms import rotation_z, translation
-from graspfn.imaging.camera import Camera, straight_down
+from graspfn.imaging.camera import Camera
+from graspfn.imaging.disturbances import turned
 from graspfn.imaging.height_map import CELL_M, SHAPE, height_map, see_heights
 from graspfn.imaging.noise import add_noise
 from graspfn.imaging.render import render_depth
@@ -56,14 +57,6 @@ def print_times(repeats: int) -> None:
             print(f"{width:4} x {height:3} {name:4} best {taken.min():6.2f} ms, median {np.median(taken):6.2f} ms")
 
 
-def tilted(height: float, tilt: float) -> np.ndarray:
-    """T_world_camera of a camera so far from the middle of the table, which it looks at; tilt: degrees."""
-    T = np.eye(4)
-    c, s = np.cos(np.radians(tilt)), np.sin(np.radians(tilt))
-    T[1:3, 1:3] = [[c, -s], [s, c]]
-    return rotation_z(0.7) @ T @ straight_down(height)
-
-
 def print_errors() -> None:
     """Of the fit: height and tilt. Of the map: mean and spread of table and top, and how much wider the box is."""
     mesh, T = trimesh.creation.box(BOX), rotation_z(0.5) @ translation(0, 0, BOX[2] / 2)
@@ -72,10 +65,9 @@ def print_errors() -> None:
     out = np.maximum(np.abs(local[..., 0]) - BOX[0] / 2, np.abs(local[..., 1]) - BOX[1] / 2)
     print("camera, tilt: fit's height [mm], tilt [deg]; table mean, std [mm]; top mean, std [mm]; edge outwards [mm]")
     for choice in sorted(path.stem for path in Path("conf/camera").glob("*.yaml")):
-        params = validate(compose([f"camera={choice}"]))
+        params = validate(compose([f"camera={choice}", "networks=[fcn]"]))
         for tilt in (0.0, 10.0, 19.0):
-            camera = Camera.from_params(params.camera)
-            camera = camera.at(tilted(camera.position[2], tilt))
+            camera = turned(Camera.from_params(params.camera), np.radians(tilt), 0.7)
             depth = add_noise(render_depth(mesh, T, camera), params.noise, generator(0, "bench", choice))
             fit = fit_table(depth, camera, params.table)
             seen = height_map(depth, camera.at(fit.T_world_camera))

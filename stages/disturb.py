@@ -3,27 +3,19 @@
 from itertools import product
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
-
 from graspfn.evaluation.planner import Planner
-from graspfn.evaluation.robustness import Conditions, Plan, disturb_case
+from graspfn.evaluation.robustness import Conditions, disturb_case
 from graspfn.evaluation.scenes import Scenes
 from graspfn.imaging.camera import Camera
 from graspfn.params import Declared, read_camera
 from graspfn.physics.world import Rig
 from graspfn.workflow.files import keep_only, write_parquet
-from graspfn.workflow.resume import Arrays, each_object
+from graspfn.workflow.resume import lines_of_each
 from graspfn.workflow.shards import code_digest, shard_key, shard_path
 from graspfn.workflow.stage import stage
 
 DATA, CAMERAS, OUT = Path("data"), Path("conf/camera"), Path("data/robustness.parquet")
 ROOMS = ("seeds.py", "geometry", "meshes", "physics", "imaging", "learning", "planning", "evaluation")
-
-
-def packed(parts: list[list[Plan]]) -> Arrays:
-    table = pd.DataFrame(parts[0])
-    return {str(name): np.array(column.tolist()) for name, column in table.items()}
 
 
 @stage("disturb")
@@ -47,16 +39,7 @@ def main(params: Declared) -> None:
     keep_only(DATA / "networks", [f"{network}-{seed}" for network, seed in runs])
     scenes, code = Scenes(DATA, conditions, runs), code_digest(*ROOMS)
     shards = {name: shard_path("disturb", shard_key(code, *scenes.depends(name))) for name in scenes.names}
-    done, _ = each_object(
-        "disturb",
-        shards,
-        disturb_case,
-        lambda name: [scenes.task(name)],
-        packed,
-        params.compute,
-        params.disturb.max_failed,
-    )
-    plans = pd.concat([pd.DataFrame(done[name]) for name in scenes.names if name in done], ignore_index=True)
+    plans = lines_of_each("disturb", shards, disturb_case, scenes.task, params.compute, params.disturb.max_failed)
     write_parquet(OUT, plans)
     print(plans.groupby(["table_fit", "method", "network"])["stays"].mean().to_string())
 

@@ -3,28 +3,19 @@
 from itertools import product
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
-
 from graspfn.evaluation.cases import Cases, Protocol, try_object
 from graspfn.evaluation.planner import Planner
-from graspfn.evaluation.trials import Trial
 from graspfn.imaging.camera import Camera
 from graspfn.params import Declared
 from graspfn.physics.world import Rig
 from graspfn.workflow.files import keep_only, write_parquet
-from graspfn.workflow.resume import Arrays, each_object
+from graspfn.workflow.resume import lines_of_each
 from graspfn.workflow.shards import code_digest, shard_key, shard_path
 from graspfn.workflow.stage import stage
 
 DATA, FUNCTIONS, OUT = Path("data"), Path("data/functions"), Path("data/trials.parquet")
 ROOMS = ("seeds.py", "geometry", "meshes", "physics", "imaging", "planning", "evaluation")
 ORDER = ["id", "sigma_theta_deg", "sigma_uv_mm", "method", "network", "training_seed", "error"]
-
-
-def packed(parts: list[list[Trial]]) -> Arrays:
-    table = pd.DataFrame(parts[0])
-    return {str(name): np.array(column.tolist()) for name, column in table.items()}
 
 
 @stage("evaluate")
@@ -38,16 +29,7 @@ def main(params: Declared) -> None:
     cases = Cases(DATA, protocol, runs)
     code = code_digest(*ROOMS)
     shards = {name: shard_path("evaluate", shard_key(code, *cases.depends(name))) for name in cases.names}
-    done, _ = each_object(
-        "evaluate",
-        shards,
-        try_object,
-        lambda name: [cases.task(name)],
-        packed,
-        params.compute,
-        params.evaluate.max_failed,
-    )
-    trials = pd.concat([pd.DataFrame(arrays) for arrays in done.values()])
+    trials = lines_of_each("evaluate", shards, try_object, cases.task, params.compute, params.evaluate.max_failed)
     trials = trials.sort_values(ORDER, ignore_index=True)
     write_parquet(OUT, trials)
     print(trials.groupby(["method", "network"])["success"].mean().to_string())

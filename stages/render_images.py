@@ -38,7 +38,7 @@ def main(params: Declared) -> None:
             line = {"row": i, "id": row["id"], "class": row["class"]}
             if split == "test":
                 rng = generator(params.seed, "render_images", row["id"])
-                shift, theta = random_placement(render(mesh, T, PLACING), PLACING, rng)
+                shift, theta = random_placement(render(mesh, T, PLACING), rng)
                 T = T_world_scene(shift, theta) @ T
                 line |= {"shift_u_m": shift[0], "shift_v_m": shift[1], "theta_rad": theta}
             else:

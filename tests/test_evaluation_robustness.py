@@ -12,7 +12,7 @@ import pytest
 import trimesh
 from physics_params import ATTEMPT, GRIPPER, PARAMS, PHYSICS
 
-from graspfn.evaluation import robustness as module
+from graspfn.evaluation import bench
 from graspfn.evaluation.expected import Attempts
 from graspfn.evaluation.planner import TRUE, Planner
 from graspfn.evaluation.robustness import Case, Conditions, Trained, disturb_case, near
@@ -72,8 +72,8 @@ def case(tried: bool = True, resting: Resting | None = RESTING) -> Case:
     held[14:19, 20:24, 5] = held[14:19, 20:24, 0] = True
     attempts = Attempts(grid.sample_cells(5, np.random.default_rng(0)), held)
     if resting is None:
-        return Case("empty table 0", None, np.zeros(2), 0.0, None, None, tried=False)
-    return Case("blade", resting, np.array([0.02, -0.03]), 0.4, attempts, held.mean(axis=-1), tried)
+        return Case("empty table 0", None, np.zeros(2), 0.0, None, tried=False)
+    return Case("blade", resting, np.array([0.02, -0.03]), 0.4, attempts, tried)
 
 
 class Sure:
@@ -84,7 +84,7 @@ class Sure:
     def __init__(self, *_):
         Sure.asked = 0
 
-    def run(self, _):
+    def run(self, _, film=False):
         Sure.asked += 1
         return Result(Outcome.HELD)
 
@@ -92,10 +92,10 @@ class Sure:
 @pytest.fixture(scope="module")
 def plans() -> pd.DataFrame:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "Grasper", Sure)
+        patch.setattr(bench, "Grasper", Sure)
         tried = disturb_case(case(), CONDITIONS, trained())
         asked = Sure.asked
-        patch.setattr(module, "Grasper", None)  # nothing else is tried
+        patch.setattr(bench, "Grasper", None)  # nothing else is tried
         rest = [
             dataclasses.replace(plan, id="other") for plan in disturb_case(case(tried=False), CONDITIONS, trained())
         ]

@@ -20,7 +20,7 @@ CHOICES = sorted(path.stem for path in (CONF / "camera").glob("*.yaml"))
 
 
 def chosen(*overrides: str) -> Camera:
-    return Camera.from_params(validate(compose(list(overrides), CONF)).camera)
+    return Camera.from_params(validate(compose([*overrides, "networks=[fcn]"], CONF)).camera)
 
 
 CAMERAS = {name: chosen(f"camera={name}") for name in CHOICES}

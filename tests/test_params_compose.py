@@ -12,6 +12,9 @@ from typer.testing import CliRunner
 
 from graspfn.cli import app
 from graspfn.compose import compose, render
+from graspfn.imaging.camera import Camera
+from graspfn.imaging.holes import DepthError
+from graspfn.imaging.network_input import check_papers
 from graspfn.params import ParameterError, Params, validate
 
 ROOT = Path(__file__).parents[1]
@@ -63,16 +66,20 @@ def test_committed_params_are_what_the_defaults_compose_to():
 
 
 def test_written_file_reads_back_as_composed(workplace):
-    result = CliRunner().invoke(app, ["params", "scale=smoke", "camera.fx_px=600.5", "topics.depth=/my depth"])
+    result = CliRunner().invoke(
+        app, ["params", "scale=smoke", "plan.fine_uv=3", "settle.drop_mm=9.5", "topics.depth=/my depth"]
+    )
     assert (result.exit_code, result.output) == (0, "")
     written = yaml.safe_load((workplace / "params.yaml").read_text())
-    assert written == composed("scale=smoke", "camera.fx_px=600.5", "topics.depth=/my depth")
+    assert written == composed("scale=smoke", "plan.fine_uv=3", "settle.drop_mm=9.5", "topics.depth=/my depth")
     assert [path.name for path in workplace.iterdir() if path.name != "conf"] == ["params.yaml"]
 
 
 @pytest.mark.parametrize("choice", CHOICES)
 def test_every_choice_of_every_group_is_valid(choice):
     overrides = [choice, *([NEEDS[choice]] if choice in NEEDS else [])]
+    if choice.startswith("camera="):  # the paper's network takes the paper's alone
+        overrides.append("networks=[fcn]")
     values = composed(*overrides)
     assert yaml.safe_load(render(values)) == values
     assert isinstance(validate(values), Params)
@@ -110,6 +117,45 @@ def test_networks_follow_the_chosen_ones(choice, names):
     values = composed(choice)
     assert values["networks"] == names
     assert set(values["network"]) == set(names)
+
+
+@pytest.mark.parametrize(
+    "change", ["camera=realsense_d435", "camera=azure_kinect", "camera.height_mm=420", "camera.cx_px=300"]
+)
+def test_networks_that_see_depth_images_take_the_papers_camera(change):
+    validate(composed("camera=ideal"))
+    with pytest.raises(
+        ParameterError, match=r"network.alexnet.input: depth takes the paper's camera.*leave alexnet out"
+    ):
+        validate(composed(change))
+    validate(composed(change, "networks=[fcn]"))
+    validate(composed(change, "network.alexnet.input=height_map"))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "camera=carmine109",
+        "camera=ideal",
+        "camera=realsense_d435",
+        "camera=azure_kinect",
+        "camera.height_mm=407.3",
+        "camera.height_mm=408",
+        "camera.cy_px=240",
+        "camera.fy_px=571",
+        "camera.distortion=[0.01,0,0,0]",
+    ],
+)
+def test_parameters_and_images_take_the_same_cameras_for_the_papers(change):
+    """Parameters are read before anything is computed, an image where it is used; both have the rule."""
+    camera = Camera.from_params(validate(composed(change, "networks=[fcn]")).camera)
+    try:
+        check_papers(camera)
+    except DepthError:
+        with pytest.raises(ParameterError, match=r"network\.alexnet\.input"):
+            validate(composed(change))
+    else:
+        validate(composed(change))
 
 
 def test_network_files_are_named_after_their_architecture():

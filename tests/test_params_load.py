@@ -100,8 +100,8 @@ def test_a_number_is_a_number(number):
 
 
 def test_whole_numbers_are_floats_where_floats_are_taken():
-    focal = validate(changed(("camera", "fx_px"), 600)).camera.fx_px
-    assert (focal, type(focal)) == (600.0, float)
+    drop = validate(changed(("settle", "drop_mm"), 20)).settle.drop_mm
+    assert (drop, type(drop)) == (20.0, float)
 
 
 @pytest.fixture

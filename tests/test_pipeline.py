@@ -122,7 +122,9 @@ def test_both_tables_are_filled(smoke: Workspace) -> None:
     table2 = pd.read_csv(smoke.folder / "reports/table2.csv")
     assert len(table2) == 2 * 5
     robustness = pd.read_csv(smoke.folder / "reports/robustness.csv")
-    assert len(robustness) == 34 * 2 * 5 + 2  # shots, with and without the fit, and the true function once
+    assert (
+        len(robustness) == 34 * (2 * 3 + 2) + 2
+    )  # shots: with and without the fit, on depth without; the true function once
     assert table2["simulated"].all()
 
 

@@ -489,6 +489,11 @@ def validate(values: Any) -> Params:
     for name in params.networks:
         if name not in params.network:
             raise ParameterError(f"networks: {name!r} is not a key of `network` ({', '.join(params.network)})")
+        if params.network[name].input == "depth" and not _is_papers(params.camera):
+            raise ParameterError(
+                f"network.{name}.input: depth takes the paper's camera, straight down from where 14 px span 10 mm; "
+                f"take height_map, which takes any, or leave {name} out of networks"
+            )
     if params.meshes.size_max_cm < params.meshes.size_min_cm:
         raise ParameterError("meshes.size_max_cm: below meshes.size_min_cm")
     for key, folder in _folders(params):
@@ -525,6 +530,13 @@ def read_camera(path: Path, noise: Noise) -> tuple[Camera, Noise]:
     camera = build(Camera, values["camera"], f"{path}: camera")
     _check_camera(camera, f"{path}: camera")
     return camera, build(Noise, dataclasses.asdict(noise) | values.get("noise", {}), f"{path}: noise")
+
+
+def _is_papers(camera: Camera) -> bool:
+    """Whether 14 px span 10 mm of the table straight below the image's centre."""
+    centred = camera.cx_px == (camera.width_px - 1) / 2 and camera.cy_px == (camera.height_px - 1) / 2
+    spans = all(math.isclose(focal * 10 / camera.height_mm, 14, rel_tol=1e-3) for focal in (camera.fx_px, camera.fy_px))
+    return centred and spans and not any(camera.distortion or ()) and camera.pose is None
 
 
 def _check_camera(camera: Camera, key: str) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from graspfn.evaluation.bench import Scene
+from graspfn.evaluation.expected import Attempts
 from graspfn.params import Plan
 from graspfn.planning.centroid import centroid_grasp
 from graspfn.planning.methods import BEST, CENTROID, LIKELIEST, ROBUST, best_grasp, robust_best_grasp
@@ -31,6 +32,11 @@ class GraspFunction:
     training_seed: int
     f: np.ndarray
     likeliest: np.ndarray | None = None
+
+
+def true_function(attempts: Attempts) -> GraspFunction:
+    """The grasp function that the labels of an object are."""
+    return GraspFunction(TRUE, UNTRAINED, attempts.held.mean(axis=-1))
 
 
 @dataclass(frozen=True, eq=False)

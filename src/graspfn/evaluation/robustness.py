@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from graspfn.evaluation.bench import Scene
+from graspfn.evaluation.bench import Bench, Scene
 from graspfn.evaluation.expected import Attempts
-from graspfn.evaluation.planner import TRUE, UNTRAINED, GraspFunction, Planned, Planner
-from graspfn.evaluation.trials import NOWHERE, expectation
+from graspfn.evaluation.planner import GraspFunction, Planned, Planner, true_function
+from graspfn.evaluation.trials import columns_of, errors_of, expectation
 from graspfn.geometry import grid
-from graspfn.geometry.transforms import T_world_scene, unmove_pose
+from graspfn.geometry.transforms import T_world_scene
 from graspfn.imaging.camera import Camera
 from graspfn.imaging.disturbances import CLEAN, Shot, shots
 from graspfn.imaging.height_map import SHAPE, HeightMap, see_heights
@@ -26,12 +26,11 @@ from graspfn.learning.networks import GraspNetwork
 from graspfn.learning.prediction import predict
 from graspfn.meshes.placed import Resting
 from graspfn.params import Disturb, Noise, Table
-from graspfn.physics.attempt import Grasper
 from graspfn.physics.world import Rig
 from graspfn.planning.methods import BEST, CENTROID, ROBUST
 from graspfn.planning.uncertainty import PoseUncertainty
-from graspfn.seeds import generator
 
+NOTHING = HeightMap(np.zeros(SHAPE, np.float32), np.zeros(SHAPE, bool))  # seen where an image is refused
 NEAR_M, NEAR_RAD = 0.01, np.radians(15)  # a plan that has moved no further is taken to have stayed
 Q = np.ndarray | None
 
@@ -59,8 +58,7 @@ class Conditions:
 class Case:
     """One scene: the object at its placement, None for an empty table, and what its labels know of it.
 
-    attempts: of the labels, f: (33, 44, 6) their true function; None for both where it has none. tried: whether the
-    plans are tried in simulation.
+    attempts: of the labels, None where it has none. tried: whether the plans are tried in simulation.
     """
 
     name: str
@@ -68,8 +66,10 @@ class Case:
     shift_uv: np.ndarray
     theta: float
     attempts: Attempts | None
-    f: np.ndarray | None
     tried: bool
+
+    def scene(self, seen: HeightMap) -> Scene:
+        return Scene(self.name, seen, self.shift_uv, self.theta)
 
 
 @dataclass(frozen=True)
@@ -166,16 +166,17 @@ class _Trials:
     """Tries plans in simulation, all by the same errors; a pose that comes again is known."""
 
     def __init__(self, case: Case, conditions: Conditions):
-        self.case, self.sigma = case, conditions.uncertainty
-        count = conditions.disturb.errors_per_object
-        # Those of stage evaluate: clean plans meet the errors of Table 1.
-        self.errors = generator(conditions.seed, "evaluate", case.name).standard_normal((count, 3))
-        self.grasper = Grasper(case.resting, conditions.rig) if case.tried and case.resting is not None else None
+        self.sigma = conditions.uncertainty
+        # Clean plans meet the errors of Table 1.
+        self.errors = errors_of(case.name, conditions.disturb.errors_per_object, conditions.seed)
+        self.bench = None
+        if case.tried and case.resting is not None:
+            self.bench = Bench(case.resting, conditions.rig, case.scene(NOTHING))
         self.known: dict[bytes, bool] = {}
 
     def run(self, q: Q) -> tuple[int, int]:
         """How often the object was held, of how many trials."""
-        if self.grasper is None:
+        if self.bench is None:
             return 0, 0
         if q is None:
             return 0, len(self.errors)
@@ -183,8 +184,7 @@ class _Trials:
         for reached in self.sigma.reached(q, self.errors):
             key = reached.tobytes()
             if key not in self.known:
-                pose = unmove_pose(reached, self.case.shift_uv, self.case.theta)
-                self.known[key] = self.grasper.run(pose).held
+                self.known[key] = self.bench.grasp(reached).held
             held += self.known[key]
         return held, len(self.errors)
 
@@ -200,12 +200,11 @@ def _planned(
 
     A network that sees depth images believes the camera's pose: it has no plans with the table found.
     """
-    seen = view.seen or HeightMap(np.zeros(SHAPE, np.float32), np.zeros(SHAPE, bool))
-    scene = Scene(case.name, seen, case.shift_uv, case.theta)
+    scene = case.scene(view.seen or NOTHING)
     wanted = {(own.name, own.seed): own.kind for own in networks if own.kind != "depth" or not view.fit}
     given = [f for f in functions if (f.network, f.training_seed) in wanted]
     once = view.fit and view.shot.disturbance == CLEAN  # no image moves what labels plan
-    own = [GraspFunction(TRUE, UNTRAINED, case.f)] if once and case.f is not None else []
+    own = [true_function(case.attempts)] if once and case.attempts is not None else []
     highest = {(f.network, f.training_seed): float(f.f.max()) for f in given + own}
     (plans,) = conditions.planner.plans(scene, given + own, [conditions.uncertainty])
     for planned in plans:
@@ -240,7 +239,6 @@ def disturb_case(case: Case, conditions: Conditions, networks: Sequence[Trained]
             before = clean.setdefault(key, planned.q)
             expected = expectation(scene, planned, conditions.uncertainty, case.attempts)
             held, tried = trials.run(planned.q)
-            u, v, theta = NOWHERE if planned.q is None else planned.q
             lines.append(
                 Plan(
                     id=case.name,
@@ -249,20 +247,12 @@ def disturb_case(case: Case, conditions: Conditions, networks: Sequence[Trained]
                     amount=float(view.shot.amount),
                     unit=view.shot.unit,
                     table_fit=view.fit,
-                    method=planned.method,
-                    network=planned.network,
-                    training_seed=planned.training_seed,
-                    u_m=float(u),
-                    v_m=float(v),
-                    theta_rad=float(theta),
                     stays=near(planned.q, before),
                     highest=highest,
                     refused=refused,
                     held=held,
                     trials=tried,
-                    expected=expected.value,
-                    expected_error=expected.error,
-                    effective=expected.effective,
+                    **columns_of(planned, expected),
                 )
             )
     return lines

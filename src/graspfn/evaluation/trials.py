@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from graspfn.evaluation.bench import Bench, Scene
 from graspfn.evaluation.expected import Attempts, Expected, expected_success
 from graspfn.evaluation.planner import TRUE, GraspFunction, Planned, Planner
 from graspfn.planning.uncertainty import PoseUncertainty
+from graspfn.seeds import generator
 
 NO_GRASP = "no grasp"  # outcome of a trial without a pose to try: a failure
 NOWHERE = np.full(3, np.nan)
@@ -81,7 +83,6 @@ def _trials(
     attempts: Attempts | None,
 ) -> Iterator[Trial]:
     expected = expectation(scene, planned, uncertainty, attempts)
-    commanded = NOWHERE if planned.q is None else planned.q
     for i, error in enumerate(errors):
         reached, held, outcome = NOWHERE, False, NO_GRASP
         if planned.q is not None:
@@ -90,21 +91,36 @@ def _trials(
             held, outcome = result.held, result.outcome.value
         yield Trial(
             id=scene.name,
-            method=planned.method,
-            network=planned.network,
-            training_seed=planned.training_seed,
             sigma_uv_mm=cell[0],
             sigma_theta_deg=cell[1],
             error=i,
-            **dict(zip(("u_m", "v_m", "theta_rad"), commanded.tolist(), strict=True)),
             **dict(zip(("reached_u_m", "reached_v_m", "reached_theta_rad"), reached.tolist(), strict=True)),
             success=held,
             outcome=outcome,
             promise=planned.promise,
-            expected=expected.value,
-            expected_error=expected.error,
-            effective=expected.effective,
+            **columns_of(planned, expected),
         )
+
+
+def columns_of(planned: Planned, expected: Expected) -> dict[str, Any]:
+    """What a table says of every plan: method, network, training_seed, the commanded pose, and its `Expected`."""
+    u, v, theta = (NOWHERE if planned.q is None else planned.q).tolist()
+    return {
+        "method": planned.method,
+        "network": planned.network,
+        "training_seed": planned.training_seed,
+        "u_m": u,
+        "v_m": v,
+        "theta_rad": theta,
+        "expected": expected.value,
+        "expected_error": expected.error,
+        "effective": expected.effective,
+    }
+
+
+def errors_of(name: str, count: int, seed: int) -> np.ndarray:
+    """(count, 3) standard normal draws, by which the gripper misses whatever is planned in a scene."""
+    return generator(seed, "evaluate", name).standard_normal((count, 3))
 
 
 def expectation(scene: Scene, planned: Planned, uncertainty: PoseUncertainty, attempts: Attempts | None) -> Expected:

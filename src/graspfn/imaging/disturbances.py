@@ -18,7 +18,7 @@ from graspfn.params import Disturb, Noise
 from graspfn.seeds import generator
 
 WAVES = 16  # that make up a smooth field
-WAVE_M = (0.03, 0.20)  # their lengths in slow errors of depth, as in training (learning.sensor)
+WAVE_M = (0.03, 0.20)  # their lengths in slow errors of depth: neighbouring pixels of a lens, or a whole image
 BLOB_M = (0.02, 0.10)  # and in holes
 CLEAN = "clean"
 
@@ -93,9 +93,10 @@ def shots(
     def draws(kind: str) -> np.random.Generator:
         return generator(seed, "disturb", kind, name)
 
-    clean = observe(render(camera), noise, seed, name)
+    exact = render(camera)
+    clean = observe(exact, noise, seed, name)
     yield Shot(CLEAN, 0.0, "", clean, camera)
-    yield Shot("other noise", 1.0, "draw", add_noise(render(camera), noise, draws("noise")), camera)
+    yield Shot("other noise", 1.0, "draw", add_noise(exact, noise, draws("noise")), camera)
     for mm in amounts.offset_mm:  # the camera is not where it is believed to be
         yield Shot("offset", mm, "mm", observe(render(raised(camera, mm / 1000)), noise, seed, name), camera)
     direction = draws("tilt").uniform(0, 2 * np.pi)

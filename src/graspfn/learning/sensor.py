@@ -18,14 +18,12 @@ from torch.nn import functional
 
 from graspfn.geometry.grid import CELL_M
 from graspfn.imaging.camera import Camera
+from graspfn.imaging.disturbances import BLOB_M, WAVE_M, WAVES
+from graspfn.imaging.height_map import CELL_M as STEP_M
 from graspfn.imaging.network_input import INPUT_SHAPE
 from graspfn.learning.draws import normal, normal4, uniform, uniform4
 from graspfn.params import Noise
 
-STEP_M = CELL_M / 4
-WAVES = 16  # that make up a smooth field
-WAVE_M = (0.03, 0.20)  # their lengths in slow errors of depth: neighbouring pixels of a lens, or a whole image
-BLOB_M = (0.02, 0.10)  # and in holes
 EDGE_M = 0.005  # neighbours that differ by more have a depth edge between them
 SPECK_M = 0.1
 CLUTTER_M = (0.02, 0.08)  # sizes and heights of what stands at the border

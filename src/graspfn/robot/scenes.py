@@ -13,7 +13,7 @@ from graspfn.evaluation.bench import Scene
 from graspfn.evaluation.planner import GraspFunction, Planner
 from graspfn.geometry.transforms import T_world_scene
 from graspfn.imaging.camera import Camera
-from graspfn.imaging.height_map import see_heights
+from graspfn.imaging.height_map import HeightMap, see_heights
 from graspfn.imaging.network_input import network_input
 from graspfn.imaging.placement import PLACING, random_placement
 from graspfn.imaging.renderers import Renderer
@@ -71,15 +71,16 @@ class Scenes:
         resting, camera, seed = load_resting(*self._folders, self._placed[name]), self.camera, self.planner.seed
         mesh, T = resting.mesh, resting.T_world_object
         rng = generator(seed, "record_robot", name, placement)
-        shift, theta = random_placement(self.render(mesh, T, PLACING), PLACING, rng)
+        shift, theta = random_placement(self.render(mesh, T, PLACING), rng)
         raw = see(self.render(mesh, T_world_scene(shift, theta) @ T, camera), self.noise, camera, rng)
         scene = Scene(key, see_heights(raw, camera, self.table), shift, theta)
-        plans = self.planner.plans(scene, self._functions(raw), [PoseUncertainty.of(*cell) for cell in self.cells])
+        functions = self._functions(raw, scene.seen)
+        plans = self.planner.plans(scene, functions, [PoseUncertainty.of(*cell) for cell in self.cells])
         return Seen(name, placement, raw, scene), self.cells, plans, resting, self.rig, camera, seed
 
-    def _functions(self, depth: np.ndarray) -> list[GraspFunction]:
+    def _functions(self, depth: np.ndarray, seen: HeightMap) -> list[GraspFunction]:
         inputs = {
-            kind: network_input(depth, self.camera, kind, self.table)[None]
+            kind: network_input(depth, self.camera, kind, self.table, seen)[None]
             for kind in {kind for _, kind, _ in self.networks.values()}
         }
         return [

@@ -98,7 +98,7 @@ class Selection:
     rejects: list[Row] = field(default_factory=list)  # with the keys of REJECTS
     _drawn: dict[str, str] = field(default_factory=dict)  # id: the split that drew it
     _trained: Trained = field(default_factory=Trained)
-    _shapes: dict[str, Shapes] = field(default_factory=lambda: {"train": Shapes(), "test": Shapes()})
+    _tested: Shapes = field(default_factory=Shapes)
     _name_of: dict[str, str] = field(default_factory=dict)  # id of an object: the shape it has
 
     @property
@@ -156,15 +156,16 @@ class Selection:
             raise RejectedMeshError(f"failed: {type(result).__name__} {' '.join(str(result).split())}") from result
         found = np.array(result.row["signature"])
         nearest = {"nearest": "", "nearest_distance": math.nan}
-        if split == "train":
-            self._trained.add(name, found, result.mesh)
-        elif near := self._trained.nearest(found, result.mesh):
+        if split == "test" and (near := self._trained.nearest(found, result.mesh)):
             if near.same:
                 apart = f"surfaces {100 * near.distance:.2f} % of its size apart"
                 raise RejectedMeshError(f"copy: it has the shape of {near.id}, which is to train on ({apart})")
             nearest = {"nearest": near.id, "nearest_distance": near.distance}
-        twin = self._shapes[split].like(found)
-        self._shapes[split].add(name, found)
+        twin = (self._trained.shapes if split == "train" else self._tested).like(found)
+        if split == "train":
+            self._trained.add(name, found, result.mesh)
+        else:
+            self._tested.add(name, found)
         self._name_of[name] = self._name_of[twin] if twin else name
         return Object(result.row | {"shape": self._name_of[name]} | nearest, result.mesh, result.collision)
 

@@ -31,12 +31,12 @@ class Nearest:
 class Trained:
     """The objects to train on, as they are drawn."""
 
-    _shapes: Shapes = field(default_factory=Shapes)
+    shapes: Shapes = field(default_factory=Shapes)
     _surfaces: list[Surface] = field(default_factory=list)
 
     def add(self, object_id: str, found: np.ndarray, mesh: trimesh.Trimesh) -> None:
         """Take in an object and its signature (11,)."""
-        self._shapes.add(object_id, found)
+        self.shapes.add(object_id, found)
         self._surfaces.append(surfaces.surface_of(mesh))
 
     def nearest(self, wanted: np.ndarray, mesh: trimesh.Trimesh) -> Nearest | None:
@@ -47,11 +47,11 @@ class Trained:
         """
         if not self._surfaces:
             return None
-        distance = self._shapes.distances(wanted)
+        distance = self.shapes.distances(wanted)
         first = int(distance.argmin())
         one = bool(distance[first] < signature.TOLERANCE)
         near = [first] if one or distance[first] >= NEAR else np.flatnonzero(distance < NEAR)
         surface = surfaces.surface_of(mesh)
         gaps = [round(surfaces.gap(surface, self._surfaces[k]), DIGITS) for k in near]
         best = int(np.argmin(gaps))
-        return Nearest(self._shapes.ids[near[best]], gaps[best], one or gaps[best] < TOLERANCE)
+        return Nearest(self.shapes.ids[near[best]], gaps[best], one or gaps[best] < TOLERANCE)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from graspfn.params import Compute
 from graspfn.workflow.files import read_npz, write_npz
@@ -60,3 +61,20 @@ def each_object(
         raise FailedObjectsError(f"{len(failed)} of {len(shards)} objects failed; the first, {name}: {reason}")
     sweep(stage, shards.values())
     return {name: read_npz(path) for name, path in shards.items() if name not in failed}, failed
+
+
+def lines_of_each(
+    stage: str,
+    shards: Mapping[str, Path],
+    function: Callable[..., Sequence[Any]],
+    task: Callable[[str], tuple[Any, ...]],
+    compute: Compute,
+    max_failed: float,
+) -> pd.DataFrame:
+    """As `each_object`, where `function` makes of an object lines of a table, dataclasses: the lines of all objects."""
+
+    def packed(parts: list[Sequence[Any]]) -> Arrays:
+        return {str(name): np.array(column.tolist()) for name, column in pd.DataFrame(parts[0]).items()}
+
+    done, _ = each_object(stage, shards, function, lambda name: [task(name)], packed, compute, max_failed)
+    return pd.concat([pd.DataFrame(arrays) for arrays in done.values()], ignore_index=True)
