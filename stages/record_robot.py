@@ -1,5 +1,7 @@
-"""Record robot trials, one MCAP each: executed by the simulated robot, or taken over from a folder (paper VII-B)."""
+"""Record trials of the simulated robot, one MCAP each; those of a folder are read where they lie (paper VII-B)."""
 
+import hashlib
+import importlib.metadata
 import shutil
 from pathlib import Path
 
@@ -12,7 +14,7 @@ from graspfn.learning.device import pick_device
 from graspfn.learning.weights import input_kind, load_network
 from graspfn.params import Declared
 from graspfn.physics.world import Rig
-from graspfn.robot.read import read_trial, recordings
+from graspfn.robot.gantry import Gantry
 from graspfn.robot.record import trial_bytes
 from graspfn.robot.scenes import Scenes
 from graspfn.robot.simulated import file_name, record
@@ -47,15 +49,25 @@ def scenes_of(params: Declared) -> Scenes:
     )
 
 
+def made_by(params: Declared) -> dict[str, str]:
+    """The version of this software and the hash of each network's weights, as every recording has them."""
+    weights = {name: NETWORKS / f"{name}-{params.training_seeds[0]}/weights.safetensors" for name in params.networks}
+    hashes = {f"{name}_sha256": hashlib.sha256(path.read_bytes()).hexdigest() for name, path in weights.items()}
+    return {"graspfn": importlib.metadata.version("graspfn"), **hashes}
+
+
 def simulate(params: Declared) -> None:
     scenes, robot, topics = scenes_of(params), params.robot, params.topics
-    weights = [NETWORKS / f"{name}-{params.training_seeds[0]}/weights.safetensors" for name in params.networks]
-    common = shard_key(code_digest(*ROOMS), *weights, topics, robot.depth_encoding)
+    software = made_by(params)
+    arm = Gantry(Camera.from_params(params.camera), params.gripper)
+    common = shard_key(code_digest(*ROOMS), software, topics, robot.depth_encoding)
     shards = {key: shard_path("record_robot", shard_key(common, *scenes.depends(key))) for key in scenes.keys}
 
     def packed(parts: list[list[TrialRecording]]) -> Arrays:
         return {
-            file_name(trial.condition): np.frombuffer(trial_bytes(trial, topics, robot.depth_encoding), np.uint8)
+            file_name(trial.condition): np.frombuffer(
+                trial_bytes(trial, topics, robot.depth_encoding, arm, software), np.uint8
+            )
             for trial in parts[0]
         }
 
@@ -73,12 +85,8 @@ def main(params: Declared) -> None:
     keep_only(NETWORKS, [f"{name}-{seed}" for name in params.networks for seed in params.training_seeds])
     shutil.rmtree(OUT, ignore_errors=True)
     OUT.mkdir(parents=True)
-    if params.robot.source == "folder":
-        for path in recordings(Path(params.robot.folder)):
-            read_trial(path, params.topics)  # refuses, before anything runs on it, what cannot be analysed
-            shutil.copyfile(path, OUT / path.name)
-        return
-    simulate(params)
+    if params.robot.source == "simulated":
+        simulate(params)
 
 
 if __name__ == "__main__":

@@ -69,6 +69,7 @@ BESIDES = {
     ("src/graspfn/evaluation/expected.py", "IV-C"): "it rests on the attempts of labels",
     ("src/graspfn/robot/depth_holes.py", "VI"): "the holes that hole filling is for",
     ("src/graspfn/commands/card.md.j2", "IV-B"): "the noise that a network was trained with",
+    ("src/graspfn/robot/target.py", "III"): "a target in the image becomes a pose of the robot",
     ("src/graspfn/robot/simulated.py", "IV-B"): "the simulated robot's camera has the noise of eq. 2",
 }
 # Sections of the keys of params.yaml, which params.py has as the docstrings of their classes.
@@ -89,6 +90,7 @@ KEYS = {
     "evaluate": {"VII-A"},
     "disturb": set(),
     "robot": {"VII-B"},
+    "arm": {"VII-B"},
 }
 # The rows of docs/deviations.md.
 TOPICS = {

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
+import physics_params
 import pytest
 from test_robot_recording import TOPICS, trial, write_trial
 
@@ -17,6 +19,7 @@ from graspfn.imaging.camera import Camera
 from graspfn.imaging.height_map import height_map
 from graspfn.params import Plan
 from graspfn.physics.attempt import Outcome, Result
+from graspfn.physics.world import Rig
 from graspfn.planning.uncertainty import PlanningError, PoseUncertainty
 from graspfn.reporting import tables
 from graspfn.reporting.plans import plans_of
@@ -95,10 +98,13 @@ def test_a_recording_without_a_grasp_comes_back(tmp_path):
 
 
 def test_the_simulated_robot_records_what_it_could_not_try(tmp_path, monkeypatch):
-    monkeypatch.setattr(simulated, "Bench", SureBench)
-    for made in simulated.record(Seen("a", 0, EMPTY, SCENE), CELLS, plans(functions()), None, None, CAMERA, 0):
+    sure = SimpleNamespace(run=lambda q, whole, film: Result(Outcome.HELD))
+    monkeypatch.setattr(simulated, "Grasper", lambda resting, rig: sure)
+    rig = Rig(physics_params.PHYSICS, physics_params.GRIPPER, physics_params.ATTEMPT)
+    for made in simulated.record(Seen("a", 0, EMPTY, SCENE), CELLS, plans(functions()), None, rig, CAMERA, 0):
         write_trial(tmp_path / file_name(made.condition), made, TOPICS, "16UC1")
-    trials, found = analyse(tmp_path.glob("*.mcap"), TOPICS)
+    done = analyse(tmp_path.glob("*.mcap"), TOPICS)
+    trials, found = done.trials, done.uncertainty
     assert len(trials) == 10
     assert trials["u_m"].isna().sum() == 6 and trials[POSES].isna().all(axis=1).sum() == 6
     assert trials.loc[trials["u_m"].isna(), "network"].isin(["", "none"]).all()
@@ -112,8 +118,9 @@ def test_the_simulated_robot_records_what_it_could_not_try(tmp_path, monkeypatch
 
 def test_recordings_without_a_grasp_say_nothing_about_the_arm(tmp_path):
     write_trial(tmp_path / "a.mcap", no_grasp(), TOPICS, "16UC1")
-    trials, found = analyse([tmp_path / "a.mcap"], TOPICS)
-    (line,) = found.to_dict("records")
+    done = analyse([tmp_path / "a.mcap"], TOPICS)
+    trials = done.trials
+    (line,) = done.uncertainty.to_dict("records")
     assert (line["trials"], line["draws"]) == (1, 0)
     assert (line["estimated_uv_mm_low"], line["estimated_uv_mm_high"]) == (0, np.inf)
     assert all(np.isnan(line[f"{key}"]) for key in ("estimated_uv_mm", "estimated_theta_deg", "bias_u_mm"))
@@ -123,14 +130,14 @@ def test_recordings_without_a_grasp_say_nothing_about_the_arm(tmp_path):
 @pytest.mark.parametrize(
     ("made", "metadata", "says"),
     [
-        (trial(), {"planned": "false"}, r"1 message on topic /grasp/commanded, but metadata planned: false"),
+        (trial(), {"planned": "false"}, r"1 message on topic /grasp/commanded, but planned: false"),
         (no_grasp(), {"planned": "true"}, r"no message on topic /grasp/commanded; a trial has exactly one"),
-        (no_grasp(), {"planned": "no"}, "metadata planned: 'no' is neither true nor false"),
-        (dataclasses.replace(no_grasp(), success=True), {}, "/grasp/held: a success, but metadata planned: false"),
+        (no_grasp(), {"planned": "no"}, "planned: 'no' is neither true nor false"),
+        (dataclasses.replace(no_grasp(), success=True), {}, "/grasp/held: a success, but planned: false"),
     ],
 )
 def test_recordings_that_contradict_themselves_are_one_line(tmp_path, monkeypatch, made, metadata, says):
-    from mcap_ros2.writer import Writer
+    from mcap.writer import Writer
 
     path, write = tmp_path / "a.mcap", Writer.add_metadata
     monkeypatch.setattr(Writer, "add_metadata", lambda self, name, data: write(self, name, data | metadata))

@@ -261,26 +261,31 @@ def test_a_remote_carries_the_run(smoke: Workspace, tmp_path: Path) -> None:
     assert clone.lock() == smoke.lock()
 
 
-def test_recordings_from_a_folder_are_taken_over(
+def test_recordings_of_a_folder_are_analysed_where_they_lie(
     smoke: Workspace, edited: Callable[[str, Any], None], tmp_path: Path
 ) -> None:
-    own = tmp_path / "own"
-    shutil.copytree(smoke.folder / "data/recordings", own)
+    own, data = tmp_path / "own", smoke.folder / "data"
+    shutil.copytree(data / "recordings", own)
+    bad = next(own.iterdir())
+    bad.write_bytes(b"no recording")
     files = {path.name: path.read_bytes() for path in own.iterdir()}
     edited("robot.source", "folder")
     edited("robot.folder", str(own))
+    edited("robot.max_failed", 1.0)
     try:
-        smoke.run("dvc", "unprotect", "data/recordings")
-        smoke.run("python", "stages/record_robot.py")
-        taken = {path.name: path.read_bytes() for path in (smoke.folder / "data/recordings").iterdir()}
-        assert taken == files
-        next(own.iterdir()).write_bytes(b"no recording")
-        done = smoke.run("python", "stages/record_robot.py", check=False)
+        done = smoke.run("python", "stages/analyse_robot.py")
+        assert f"left out: {bad}: not an MCAP file" in done.stdout
+        assert set(pd.read_parquet(data / "robot_trials.parquet")["file"]) == set(files) - {bad.name}
+        assert pd.read_parquet(data / "robot_unused.parquet")["file"].tolist() == [bad.name]
+        edited("robot.max_failed", 0.0)
+        done = smoke.run("python", "stages/analyse_robot.py", check=False)
         assert done.returncode != 0
         assert done.stderr.strip().count("\n") == 0
-        assert str(own) in done.stderr
+        assert f"1 of {len(files)} bags cannot be used, more than robot.max_failed" in done.stderr
+        assert {path.name: path.read_bytes() for path in own.iterdir()} == files
     finally:
-        smoke.run("dvc", "checkout", "--force", "data/recordings")
+        outs = ("trials.parquet", "uncertainty.parquet", "unused.parquet", "covariance")
+        smoke.run("dvc", "checkout", "--force", *(f"data/robot_{name}" for name in outs))
 
 
 @pytest.mark.parametrize("stage", ["label_grasps@train", "evaluate"])

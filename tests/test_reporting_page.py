@@ -128,9 +128,10 @@ def write_data(data, params):
                 trial = TrialRecording(condition, holes, camera.matrix, q, reached, *joints, success=True)
                 path = data / f"recordings/{i}-{k}-{method.replace(' ', '')}.mcap"
                 write_trial(path, trial, params.topics, "32FC1")
-    trials, estimates = analyse(recordings(data / "recordings"), params.topics)
-    write_parquet(data / "robot_trials.parquet", trials)
-    write_parquet(data / "robot_uncertainty.parquet", estimates)
+    found = analyse(recordings(data / "recordings"), params.topics)
+    write_parquet(data / "robot_trials.parquet", found.trials)
+    write_parquet(data / "robot_uncertainty.parquet", found.uncertainty)
+    write_parquet(data / "robot_unused.parquet", found.unused)
 
 
 @pytest.fixture(scope="module")
@@ -237,6 +238,12 @@ def test_the_page_says_what_it_must(parsed, inputs):
     text = " ".join("".join(parsed.text).split())
     assert "made <up> & tiny" in text  # escaped, not interpreted
     assert "All 12 recordings were made by a simulated robot" in text
+    for heading in ("σu, mm", "ρuv", "bias u, mm", "bias θ, °", "outliers"):
+        assert heading in text
+    row = inputs.robot_uncertainty.iloc[0]
+    for key in ("estimated_u_mm", "bias_theta_deg"):  # each with its interval
+        assert f"{row[key]:.1f} [{row[key + '_low']:.1f}, {row[key + '_high']:.1f}]" in text
+    assert f"{row['condition']}" in text and "assumed" in row["condition"]
     assert "train objects left out: rolled away1" in text
     assert "Rejected becauseMeshes flat1" in text
     assert "madeCC0 & more33621" in text
@@ -344,9 +351,10 @@ def test_recordings_without_a_grasp_reach_table_2_and_the_page(inputs, tmp_path)
         if trial.condition.method == "Best Grasp":
             failed = dataclasses.replace(trial, commanded=None, achieved=None, success=False)
             write_trial(path, failed, inputs.params.topics, "32FC1")
-    trials, estimates = analyse(recordings(data / "recordings"), inputs.params.topics)
-    write_parquet(data / "robot_trials.parquet", trials)
-    write_parquet(data / "robot_uncertainty.parquet", estimates)
+    found = analyse(recordings(data / "recordings"), inputs.params.topics)
+    write_parquet(data / "robot_trials.parquet", found.trials)
+    write_parquet(data / "robot_uncertainty.parquet", found.uncertainty)
+    write_parquet(data / "robot_unused.parquet", found.unused)
     with_failures = load_inputs(data, inputs.params, {})
     assert all(len(grasp.commanded) == 3 for grasp in with_failures.recorded.grasps)
     tables1 = Tables1.of(with_failures.plans, with_failures.graspable)

@@ -357,6 +357,14 @@ def test_the_sentence_of_results_says_the_numbers_of_the_metrics(numbers, plans)
     assert "On all 10 test objects, " in said and "ceiling" not in said
 
 
+def test_a_cell_with_different_injected_errors_says_so():
+    trials = robot_trials().assign(injected_uv_mm=np.nan, injected_theta_deg=np.nan)
+    assert "injected" not in tables.caption2(tables.table2(trials), trials, "smoke")
+    trials.loc[trials.index[0], ["injected_uv_mm", "injected_theta_deg"]] = 5.0
+    said = "1 of the conditions pool trials with different errors injected on purpose"
+    assert said in tables.caption2(tables.table2(trials), trials, "smoke")
+
+
 def test_numbers_of_robot_and_labels():
     found = robot_numbers(robot_trials())
     assert found["fcn"]["best_grasp"]["success_uv6_2_theta4_7"] == 0.75

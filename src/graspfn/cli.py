@@ -9,9 +9,11 @@ import typer
 
 from graspfn.commands.check import check
 from graspfn.commands.label import label
+from graspfn.commands.logs import logs
 from graspfn.commands.model import model
 from graspfn.commands.params import params
 from graspfn.commands.plan import plan
+from graspfn.commands.trial import trial
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
 
@@ -28,10 +30,10 @@ def _options(
         False
     ),
 ) -> None:
-    """Parameters, checks, the labels of one mesh, grasps for depth images; `dvc repro` runs the workflow."""
+    """Parameters, checks, one mesh's labels, grasps for depth images, recordings; `dvc repro` runs the workflow."""
 
 
-for command in (params, check, label, plan):
+for command in (params, check, label, plan, trial, logs):
     app.command()(command)
 app.add_typer(model, name="model")
 

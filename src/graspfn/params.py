@@ -322,10 +322,12 @@ class Robot:
     """The trials of Table 2 (paper VII-B), run by the simulated robot or read from a folder of recordings."""
 
     source: Annotated[str, Key("who recorded the trials", one_of=("simulated", "folder"))]
-    folder: Annotated[str, Key("directory of .mcap files, for source: folder")]
+    folder: Annotated[str, Key("directory of bags, one for each trial, for source: folder")]
     objects: Annotated[int, Key("test objects the simulated robot grasps", at_least=1)]
     placements: Annotated[int, Key("placements of each object", at_least=1)]
-    max_failed: Annotated[float, Key("fraction of scenes that may fail before the stage does", at_least=0, at_most=1)]
+    max_failed: Annotated[
+        float, Key("fraction of scenes or bags that may fail before the stage does", at_least=0, at_most=1)
+    ]
     sigma_uv_mm: Annotated[tuple[float, ...], Key("std of the reached position in each condition, mm", at_least=0)]
     sigma_theta_deg: Annotated[tuple[float, ...], Key("std of the reached angle in each condition, deg", at_least=0)]
     depth_encoding: Annotated[str, Key("encoding of recorded depth images", one_of=("16UC1", "32FC1"))]
@@ -335,12 +337,44 @@ class Robot:
 class Topics:
     """Topic names in the recordings."""
 
-    depth: Annotated[str, Key("sensor_msgs/Image, the depth image planned on")]
+    depth: Annotated[str, Key("sensor_msgs/Image or CompressedImage, the depth image planned on")]
     camera_info: Annotated[str, Key("sensor_msgs/CameraInfo of that image")]
     commanded: Annotated[str, Key("geometry_msgs/PoseStamped sent to the arm")]
     achieved: Annotated[str, Key("geometry_msgs/PoseStamped the gripper reached")]
     joints: Annotated[str, Key("sensor_msgs/JointState of the hand and fingers")]
-    outcome: Annotated[str, Key("std_msgs/Bool, held at the top")]
+    outcome: Annotated[str, Key("std_msgs/Bool, held at the top; the last one counts")]
+    tf: Annotated[str, Key("tf2_msgs/TFMessage, frames that move")]
+    tf_static: Annotated[str, Key("tf2_msgs/TFMessage, frames that do not")]
+    gripper: Annotated[str | None, Key("its first message after the command closes the fingers; null: none")]
+
+
+@dataclass(frozen=True)
+class Arm:
+    """How recordings tell where the gripper really was as its fingers began to close (paper VII-B)."""
+
+    achieved: Annotated[
+        str,
+        Key("from topics.achieved, from TF, or from columns reached_...", one_of=("topic", "tf", "columns")),
+    ]
+    table_frame: Annotated[
+        str | None,
+        Key("on the table below the image centre; null: where the image and TF show it"),
+    ]
+    table_z: Annotated[
+        str,
+        Key(
+            "of that frame; down: y is the image's +v, angles turn the other way",
+            one_of=("up", "down"),
+        ),
+    ]
+    base_frame: Annotated[str, Key("that never moves")]
+    gripper_frame: Annotated[str, Key("between the fingertips")]
+    closing_axis: Annotated[
+        str, Key("of gripper_frame and of recorded poses, along which the jaws close", one_of=("x", "y", "z"))
+    ]
+    finger_joints: Annotated[tuple[str, ...] | None, Key("that close the fingers; null: none is recorded")]
+    finger_sign: Annotated[int, Key("1 where these grow as the fingers close, else -1", at_least=-1, at_most=1)]
+    finger_shut: Annotated[float | None, Key("their mean where the fingers meet, m or rad; null: not checked")]
 
 
 @dataclass(frozen=True)
@@ -382,6 +416,7 @@ class Params:
     disturb: Disturb
     robot: Robot
     topics: Topics
+    arm: Arm
     compute: Compute
 
 
@@ -478,6 +513,12 @@ def validate(values: Any) -> Params:
             raise ParameterError(f"evaluate.{name}: takes each value once")
     if len(params.robot.sigma_uv_mm) != len(params.robot.sigma_theta_deg):
         raise ParameterError("robot.sigma_theta_deg: takes as many values as robot.sigma_uv_mm")
+    if params.arm.finger_sign == 0:
+        raise ParameterError("arm.finger_sign: takes 1 or -1")
+    if params.arm.achieved == "tf" and not (params.arm.finger_joints or params.topics.gripper):
+        raise ParameterError(
+            "arm.achieved: tf takes arm.finger_joints or topics.gripper, to know when the fingers close"
+        )
     return params
 
 

@@ -49,9 +49,10 @@ def _folder_problems() -> list[str]:
     else:
         checks.append(lambda: _watched("meshes.folder", params.meshes.folder))
     if params.robot.source == "folder":
+        from graspfn.robot.described import read_table
         from graspfn.robot.read import recordings
 
-        checks.append(lambda: recordings(Path(params.robot.folder)))
+        checks += [lambda: recordings(Path(params.robot.folder)), lambda: read_table(Path(params.robot.folder))]
     else:
         checks.append(lambda: _watched("robot.folder", params.robot.folder))
     problems = []

@@ -16,22 +16,21 @@ from graspfn.imaging.noise import observe
 from graspfn.imaging.table import TableError, fit_table
 from graspfn.meshes.placed import load_resting, read_resting, resting_rows
 from graspfn.meshes.store import read_manifest
-from graspfn.params import Table
 from graspfn.physics.world import Rig
 from graspfn.reporting.figures.depth_images import ExecutedGrasp
 from graspfn.reporting.film import Film, film_best_grasp, film_failure
 from graspfn.reporting.parameters import Parameter, flat_parameters
 from graspfn.reporting.plans import graspable_objects, plans_of
 from graspfn.reporting.sizes import widths
-from graspfn.robot.read import read_trial
+from graspfn.robot.described import read_tables
+from graspfn.robot.places import ANY_TABLE
+from graspfn.robot.read import read_trial, source_of
 from graspfn.robot.trial import TrialRecording
 from graspfn.seeds import generator
 from graspfn.workflow.files import read_npz
 
 SPLITS = ("train", "test")
 SHOWN_TEST, SHOWN_GRASPS, SHOWN_FILMS = 4, 8, 10
-# What a recorded image may be drawn over: any table that a camera from above sees.
-ANY_TABLE = Table(fit=True, max_tilt_deg=20, min_inliers=0.05, max_rms_mm=20, max_offset_mm=1e4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +97,7 @@ class ReportInputs:
     disturbed: pd.DataFrame
     robot_trials: pd.DataFrame
     robot_uncertainty: pd.DataFrame
+    robot_unused: pd.DataFrame
     labelled: LabelledExample
     predicted: tuple[PredictedExample, ...]
     film: Film | None
@@ -195,11 +195,19 @@ def _recorded(data: Path, trials: pd.DataFrame, params: Any) -> Recorded:
     order = trials.assign(robust=trials["method"] != "Robust Best Grasp", failed=~trials["success"])
     order = order.sort_values(["failed", "robust", "sigma_uv_mm", "object", "placement", "network"])
     chosen = order[~order["failed"]].drop_duplicates("object").head(SHOWN_GRASPS)
-    first = read_trial(data / "recordings" / order["file"].iloc[0], params.topics)
+    folder, arm = source_of(params.robot, params.arm)
+    if params.robot.source == "simulated":
+        folder = data / "recordings"
+    table = read_tables(folder, [folder / file for file in trials["file"]])
+
+    def read(file: str) -> TrialRecording:
+        return read_trial(folder / file, params.topics, arm, table.get(folder / file))
+
+    first = read(order["file"].iloc[0])
     camera = _camera_of(first)
     grasps = []
     for line in chosen.to_dict("records"):
-        trial = read_trial(data / "recordings" / line["file"], params.topics)
+        trial = read(line["file"])
         assert trial.commanded is not None and trial.achieved is not None  # a success
         filled = fill_holes(trial.depth, None)  # a recording does not say how high its camera was
         grasps.append(ExecutedGrasp(line["object"], filled, trial.commanded, trial.achieved))
@@ -237,6 +245,7 @@ def load_inputs(data: Path, params: Any, stage_seconds: Mapping[str, float]) -> 
         disturbed=pd.read_parquet(data / "robustness.parquet"),
         robot_trials=robot_trials,
         robot_uncertainty=pd.read_parquet(data / "robot_uncertainty.parquet"),
+        robot_unused=pd.read_parquet(data / "robot_unused.parquet"),
         labelled=labelled,
         predicted=_predicted(data, networks),
         film=_film(data, labels, labelled.id, params),

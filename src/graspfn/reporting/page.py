@@ -148,6 +148,10 @@ def counts(inputs: ReportInputs) -> list[tuple[str, str]]:
     rows += [(f"training attempts {meaning}", f"{int(account[name].sum()):,}") for name, meaning in OUTCOMES.items()]
     rows.append(("trials behind Table 1", f"{len(inputs.trials):,}"))
     rows.append(("recordings behind Table 2", f"{len(inputs.robot_trials):,}"))
+    if len(inputs.robot_unused):
+        rows.append(("recordings that could not be used", f"{len(inputs.robot_unused):,}"))
+    if doubtful := int((inputs.robot_trials["doubts"] != "").sum()):
+        rows.append(("recordings whose reached pose measures nothing, not in Σ", f"{doubtful:,}"))
     rows += [(f"final training loss, {network}", f"{final_loss(h):.4f}") for network, h in inputs.training.items()]
     return rows
 
@@ -163,22 +167,38 @@ def durations(inputs: ReportInputs) -> list[tuple[str, str]]:
     return [(stage, seconds(float(inputs.stage_seconds.get(stage, "nan")))) for stage in stages]
 
 
-def uncertainty(inputs: ReportInputs) -> list[tuple[str, str, str]]:
-    """(condition, sigma_uv, sigma_theta), as estimated from the recordings."""
+FOUND = {
+    "estimated_u_mm": "σ<sub>u</sub>, mm",
+    "estimated_v_mm": "σ<sub>v</sub>, mm",
+    "estimated_theta_deg": "σ<sub>θ</sub>, °",
+    "correlation_u_v": "ρ<sub>uv</sub>",
+    "bias_u_mm": "bias u, mm",
+    "bias_v_mm": "bias v, mm",
+    "bias_theta_deg": "bias θ, °",
+}
+
+
+def uncertainty(inputs: ReportInputs) -> tuple[list[Markup], list[list[str]]]:
+    """Headings, and a row for every condition: Sigma and bias as estimated from the recordings."""
 
     def estimate(row: pd.Series, key: str) -> str:
         if np.isnan(row[key]):  # one draw says nothing of its spread
             return DASH
-        return f"{row[key]:.1f} [{row[f'{key}_low']:.1f}, {row[f'{key}_high']:.1f}]"
+        digits = 2 if key.startswith("correlation") else 1
+        return f"{row[key]:.{digits}f} [{row[f'{key}_low']:.{digits}f}, {row[f'{key}_high']:.{digits}f}]"
 
-    return [
-        (
-            f"{row['sigma_uv_mm']:g} mm, {row['sigma_theta_deg']:g}°",
-            estimate(row, "estimated_uv_mm"),
-            estimate(row, "estimated_theta_deg"),
-        )
+    headings = ["Condition", *FOUND.values(), "Gaussian, p", "outliers", "draws"]
+    rows = [
+        [
+            row["condition"],
+            *(estimate(row, key) for key in FOUND),
+            DASH if np.isnan(row["normality"]) else f"{row['normality']:.2g}",
+            row["outliers"] or "none",
+            f"{row['draws']}",
+        ]
         for _, row in inputs.robot_uncertainty.iterrows()
     ]
+    return [Markup(heading) for heading in headings], rows
 
 
 def versions() -> list[tuple[str, str]]:

@@ -14,6 +14,7 @@ from graspfn.evaluation.statistics import proportion, resampled_rate
 from graspfn.planning.methods import BEST, LIKELIEST, METHODS
 from graspfn.reporting import paper
 from graspfn.reporting.plans import ALL, CELL, GRASPABLE, blocks, per_object
+from graspfn.robot.trial import INJECTED
 
 TABLE_1_COLUMNS = [
     "objects_of",
@@ -196,6 +197,16 @@ def _without_a_grasp(table: pd.DataFrame) -> str:
     return f"In {count:,} of the {int(table['trials'].sum()):,} trials the method found no grasp, which is a failure. "
 
 
+def _pooled(robot_trials: pd.DataFrame) -> str:
+    """Where a cell holds trials with different errors added on purpose; nothing where none does."""
+    if not {*INJECTED} <= set(robot_trials):
+        return ""
+    kinds = robot_trials.groupby(CELL)[list(INJECTED)].apply(lambda cell: len(cell.drop_duplicates()))
+    if kinds.max() == 1:
+        return ""
+    return f"{int((kinds > 1).sum())} of the conditions pool trials with different errors injected on purpose. "
+
+
 def block_name(block: str, objects: int) -> str:
     """All 80 test objects; The 62 test objects that can be held."""
     some = f"{objects:,} test object{'s' * (objects != 1)}"
@@ -265,7 +276,8 @@ def caption2(table: pd.DataFrame, robot_trials: pd.DataFrame, scale: str) -> str
     """What Table 2 shows, with its counts and scale, and who made the recordings."""
     return (
         f"Table 2. Success rate on a robot, scale “{scale}”: {_span(table['trials'])} trials in each cell, on "
-        f"{_span(table['objects'])} objects. {who_recorded(robot_trials)} {_without_a_grasp(table)}"
+        f"{_span(table['objects'])} objects. {who_recorded(robot_trials)} "
+        f"{_without_a_grasp(table)}{_pooled(robot_trials)}"
         "Brackets: 95% intervals with objects as clusters. Rows (paper): the figures printed by Johns, Leutenegger and "
         "Davison (2016), measured on a real Kinova MICO with 20 objects in five placements."
     )

@@ -1,43 +1,102 @@
-"""From recordings to a table of trials and the pose uncertainty that the robot showed (paper VII-B).
+"""From bags to a table of trials and the pose uncertainty that the robot showed (paper VII-B).
 
-The paper measures its arm's uncertainty from commanded and achieved poses; so does this, with the interval that the
-number of trials allows. Sigma is the spread about the mean error: a constant offset is a fault of calibration that a
-wider Sigma would not describe and that commanding the opposite offset removes. It is reported beside it, as the bias.
+The paper measures its arm's uncertainty from commanded and achieved poses; so does this (`spread`). What the planner
+assumed and what was injected on purpose are conditions of a trial; what is measured is neither. A bag that cannot be
+used costs itself alone, and is named with its reason.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from graspfn.geometry.grid import angle_difference
-from graspfn.params import Topics
-from graspfn.robot.read import read_trial
-from graspfn.robot.trial import RecordingError
+from graspfn.params import Arm, Topics
+from graspfn.robot.described import TABLE
+from graspfn.robot.read import ARM, read_trial
+from graspfn.robot.spread import AXES, PAIRS, Estimate, Spread, spread
+from graspfn.robot.trial import INJECTED, RecordingError
 
-CONDITION = ["sigma_uv_mm", "sigma_theta_deg"]
-TRIAL = ["object", "placement", "method", "network", *CONDITION]
+ASSUMED = ["sigma_uv_mm", "sigma_theta_deg"]
+CONDITION = [*ASSUMED, *INJECTED]
+TRIAL = ["object", "placement", "method", "network", *CONDITION, "session"]
+FEW = 3  # bags that a line names one by one
+UNITS = dict(zip(AXES, ("mm", "mm", "deg"), strict=True))
 
 
-def trial_row(path: Path, topics: Topics) -> dict[str, object]:
-    """One row of the trials' table from one recording; its poses are NaN where the method found no grasp."""
-    trial = read_trial(path, topics)
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Sigma of one condition. label: which; outliers: names of the bags whose errors are none of the others' kind."""
+
+    label: str
+    spread: Spread
+    outliers: tuple[str, ...]
+
+    def text(self) -> str:
+        """A few lines for people."""
+        s = self.spread
+        lines = [f"{self.label}: {s.rows} errors in {s.sessions} session{'s' * (s.sessions != 1)}"]
+        for i, (axis, unit) in enumerate(UNITS.items()):
+            lines.append(f"  {axis:5}  sigma {s.sigma[i]} {unit}, bias {s.bias[i]} {unit}")
+        lines.append(f"  correlation of u and v {s.correlation[0]}; Gaussian: p = {s.normality:.2g}")
+        if self.outliers:
+            lines.append(f"  outliers, left out of these: {', '.join(self.outliers)}")
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """trials: a row per usable bag, sorted by what was tried. uncertainty: a row per condition, of `measured`. unused:
+    file and reason of every bag that is not among the trials."""
+
+    trials: pd.DataFrame
+    uncertainty: pd.DataFrame
+    unused: pd.DataFrame
+    measured: tuple[Measured, ...]
+
+    def oddities(self) -> list[str]:
+        """A line for every trial whose reached pose measures nothing, and for every flag, of how many bags."""
+        lines = [f"{t['file']}: not in Sigma: {t['doubts']}" for t in self.trials.to_dict("records") if t["doubts"]]
+        flagged = self.trials[self.trials["flags"] != ""]
+        for flag, files in flagged.groupby("flags")["file"]:
+            lines.append(f"{', '.join(files) if len(files) <= FEW else f'{len(files)} bags'}: {flag}")
+        return lines
+
+    def check(self, max_failed: float) -> None:
+        """RecordingError where no trial is left, or more than this share of the bags could not be used."""
+        bags = len(self.trials) + len(self.unused)
+        if not bags:
+            raise RecordingError("no recordings to analyse")
+        if len(self.trials) == 0 or len(self.unused) > max_failed * bags:
+            allowed = f", more than robot.max_failed allows ({max_failed:g})" if len(self.trials) else ""
+            first = self.unused["reason"].iloc[0]
+            raise RecordingError(f"{len(self.unused)} of {bags} bags cannot be used{allowed}; the first: {first}")
+
+
+def trial_row(
+    path: Path, topics: Topics, arm: Arm = ARM, row: Mapping[str, str] | None = None, name: str = ""
+) -> dict[str, object]:
+    """One row of the trials' table from one bag, by its name; its poses are NaN where the method found no grasp."""
+    trial = read_trial(path, topics, arm, row)
     c = trial.condition
     nowhere = np.full(3, np.nan)
     u, v, theta = (nowhere if trial.commanded is None else trial.commanded).tolist()
     reached_u, reached_v, reached_theta = (nowhere if trial.achieved is None else trial.achieved).tolist()
+    injected = {name: getattr(c, name) for name in INJECTED}
     return {
-        "file": path.name,
+        "file": name or path.name,
         "object": c.object,
         "placement": c.placement,
         "method": c.method,
         "network": c.network,
         "sigma_uv_mm": c.sigma_uv_mm,
         "sigma_theta_deg": c.sigma_theta_deg,
+        **{name: np.nan if value is None else value for name, value in injected.items()},
+        "session": c.session,
         "u_m": u,
         "v_m": v,
         "theta_rad": theta,
@@ -45,7 +104,10 @@ def trial_row(path: Path, topics: Topics) -> dict[str, object]:
         "reached_v_m": reached_v,
         "reached_theta_rad": reached_theta,
         "success": trial.success,
+        "judged": {None: "", True: "held", False: "failed"}[trial.judged],
         "simulated": c.simulated,
+        "flags": "; ".join(trial.flags),
+        "doubts": "; ".join(trial.doubts),
     }
 
 
@@ -56,81 +118,101 @@ def pose_errors(trials: pd.DataFrame) -> np.ndarray:
     return np.column_stack([uv, theta])
 
 
-def independent_errors(trials: pd.DataFrame) -> np.ndarray:
-    """`pose_errors` with one row per draw.
+def independent(trials: pd.DataFrame) -> pd.DataFrame:
+    """The trials with one row per draw of the arm's error.
 
     Methods may be compared under the same errors on the same placement of an object; such an error is one
     observation of the arm, however many trials it served. A trial without a grasp to try is none.
     """
     trials = trials[trials["u_m"].notna()]
     keyed = trials[["object", "placement"]].copy()
-    errors = pose_errors(trials)
-    keyed[["u", "v", "theta"]] = errors.round(9)  # a nanometre: what adding to different commands rounds off
-    return errors[~keyed.duplicated().to_numpy()]
+    keyed[["u", "v", "theta"]] = pose_errors(trials).round(9)  # a nanometre: what adding to commands rounds off
+    return trials[~keyed.duplicated().to_numpy()]
 
 
-def sigma_interval(sum_of_squares: float, degrees_of_freedom: int) -> tuple[float, float, float]:
-    """Standard deviation of a Gaussian and its 95% chi-square interval; NaN and [0, inf) without any freedom."""
-    if degrees_of_freedom < 1:
-        return np.nan, 0.0, np.inf
-    low, high = stats.chi2.ppf([0.975, 0.025], degrees_of_freedom)
-    return (
-        float(np.sqrt(sum_of_squares / degrees_of_freedom)),
-        float(np.sqrt(sum_of_squares / low)),
-        float(np.sqrt(sum_of_squares / high)),
-    )
+def people_units(errors: np.ndarray) -> np.ndarray:
+    """errors (n, 3) [m, m, rad] in mm and degrees, their angles within a quarter turn of the mean on the circle of
+    half turns, so that an error that wraps counts as the small one it is.
 
-
-def uncertainty(errors: np.ndarray) -> dict[str, float]:
-    """Estimate of Sigma = diag(uv, uv, theta) from errors (n, 3), u and v pooled, in mm and degrees.
-
-    theta's mean is taken on the circle of half turns and its spread about that mean, so an error that wraps counts
-    as the small one it is. Errors beyond 90 degrees cannot be told from smaller ones: an estimate above some 30
-    degrees is too low. Without any errors all is NaN.
+    Errors beyond 90 degrees cannot be told from smaller ones: a spread above some 30 degrees comes out too low.
     """
-    n = len(errors)
-    if not n:
-        errors = np.full((1, 3), np.nan)
-    uv_mm = errors[:, :2] * 1000
-    bias_uv = uv_mm.mean(axis=0)
-    bias_theta = np.angle(np.exp(2j * errors[:, 2]).mean()) / 2
-    squares_u, squares_v = ((uv_mm - bias_uv) ** 2).sum(axis=0)
-    squares_theta = float((np.degrees(angle_difference(errors[:, 2], bias_theta)) ** 2).sum())
-    uv, uv_low, uv_high = sigma_interval(squares_u + squares_v, 2 * (n - 1))
-    theta, theta_low, theta_high = sigma_interval(squares_theta, n - 1)
-    return {
-        "estimated_u_mm": sigma_interval(squares_u, n - 1)[0],
-        "estimated_v_mm": sigma_interval(squares_v, n - 1)[0],
-        "estimated_uv_mm": uv,
-        "estimated_uv_mm_low": uv_low,
-        "estimated_uv_mm_high": uv_high,
-        "estimated_theta_deg": theta,
-        "estimated_theta_deg_low": theta_low,
-        "estimated_theta_deg_high": theta_high,
-        "bias_u_mm": float(bias_uv[0]),
-        "bias_v_mm": float(bias_uv[1]),
-        "bias_theta_deg": float(np.degrees(bias_theta)),
-    }
+    mean = float(np.angle(np.exp(2j * errors[:, 2]).mean())) / 2 if len(errors) else 0.0
+    theta = mean + angle_difference(errors[:, 2], np.array(mean))
+    return np.column_stack([errors[:, :2] * 1000, np.degrees(theta)])
 
 
-def analyse(paths: Iterable[Path], topics: Topics) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """(trials, uncertainty): a row per recording sorted by what was tried, and a row per condition.
+def _columns(name: str, estimate: Estimate) -> dict[str, float]:
+    return {name: estimate.value, f"{name}_low": estimate.low, f"{name}_high": estimate.high}
 
-    Recordings are read one at a time; what stays of each is its row. `trials` in the second table counts the
-    recordings of the condition, `draws` the independent errors behind the estimate.
+
+def uncertainty_row(found: Spread) -> dict[str, float]:
+    """A Spread as columns: estimated_<axis>_<unit>, bias_..., correlation_..., each with _low and _high."""
+    row: dict[str, float] = {}
+    for i, (axis, unit) in enumerate(UNITS.items()):
+        row |= _columns(f"estimated_{axis}_{unit}", found.sigma[i]) | _columns(f"bias_{axis}_{unit}", found.bias[i])
+        row[f"sessions_{axis}_{unit}"] = float(found.sessions_sigma[i])
+    row |= _columns("estimated_uv_mm", found.sigma_uv)
+    for (i, j), estimate in zip(PAIRS, found.correlation, strict=True):
+        row |= _columns(f"correlation_{AXES[i]}_{AXES[j]}", estimate)
+    return row | {"normality": found.normality}
+
+
+def label(assumed: tuple[float, float], injected: tuple[float, float]) -> str:
+    """A condition in words: what was injected, where that is known, else what was assumed."""
+    told = "assumed" if np.isnan(injected[0]) else "injected"
+    uv, theta = assumed if told == "assumed" else injected
+    return f"{uv:g} mm, {theta:g}° {told}"
+
+
+def measure(trials: pd.DataFrame) -> tuple[pd.DataFrame, tuple[Measured, ...]]:
+    """Sigma of each condition: of what was injected, or where nobody knows, of what was assumed."""
+    known = trials[INJECTED[0]].notna()
+    keys = trials[list(INJECTED)].assign(**{name: trials[name].mask(known) for name in ASSUMED})
+    rows, measured = [], []
+    for _, group in trials.groupby([keys[name] for name in keys], dropna=False, sort=True):
+        draws = independent(group[group["doubts"] == ""])
+        found = spread(people_units(pose_errors(draws)), draws["session"].to_numpy())
+        assumed, injected = ((float(group[a].iloc[0]), float(group[b].iloc[0])) for a, b in (ASSUMED, INJECTED))
+        name = label(assumed, injected)
+        outliers = tuple(draws["file"][found.outliers])
+        row: dict[str, object] = {"condition": name, **dict(zip(INJECTED, injected, strict=True))}
+        row |= dict[str, object](uncertainty_row(found))
+        row |= {"trials": len(group), "draws": len(draws), "sessions": found.sessions, "outliers": ", ".join(outliers)}
+        rows.append(row)
+        measured.append(Measured(name, found, outliers))
+    return pd.DataFrame(rows), tuple(measured)
+
+
+def analyse(
+    paths: Iterable[Path],
+    topics: Topics,
+    arm: Arm = ARM,
+    table: Mapping[Path, Mapping[str, str]] | None = None,
+    folder: Path | None = None,
+) -> Analysis:
+    """Bags are read one at a time; what stays of each is its row.
+
+    table: what trials.csv says (`read_table`). folder: in which bags are named by their path, else by their own name.
     """
-    rows = [trial_row(path, topics) for path in paths]
-    if not rows:
-        raise RecordingError("no recordings to analyse")
-    trials = pd.DataFrame(rows).sort_values([*TRIAL, "file"], ignore_index=True)
-    again = trials.duplicated(TRIAL)
-    if again.any():
-        second = int(np.flatnonzero(again)[0])
-        files = " and ".join(trials["file"].iloc[second - 1 : second + 1])
-        raise RecordingError(f"{files}: two recordings of the same trial ({', '.join(TRIAL)} agree)")
-    estimates = []
-    for (sigma_uv, sigma_theta), group in trials.groupby(CONDITION):
-        errors = independent_errors(group)
-        condition = {"sigma_uv_mm": sigma_uv, "sigma_theta_deg": sigma_theta}
-        estimates.append({**condition, **uncertainty(errors), "trials": len(group), "draws": len(errors)})
-    return trials, pd.DataFrame(estimates)
+
+    def name(path: Path) -> str:
+        return path.relative_to(folder).as_posix() if folder and path.is_relative_to(folder) else path.name
+
+    rows, unused, left = [], [], dict(table or {})
+    for path in sorted(paths):
+        try:
+            rows.append(trial_row(path, topics, arm, left.pop(path, None), name(path)))
+        except RecordingError as error:
+            unused.append({"file": name(path), "reason": str(error)})
+    unused += [{"file": name(bag), "reason": f"{bag}: {TABLE} names it, but there is no such bag"} for bag in left]
+    trials = pd.DataFrame(rows)
+    if len(rows):
+        trials = trials.sort_values([*TRIAL, "file"], ignore_index=True)
+        again = trials.duplicated(TRIAL)
+        for i in np.flatnonzero(again):
+            first, second = trials["file"][i - 1], trials["file"][i]
+            reason = f"{second}: the same trial as {first} ({', '.join(TRIAL)} agree)"
+            unused.append({"file": second, "reason": reason})
+        trials = trials[~again].reset_index(drop=True)
+    found, measured = measure(trials) if len(rows) else (pd.DataFrame(), ())
+    return Analysis(trials, found, pd.DataFrame(unused, columns=["file", "reason"]), measured)

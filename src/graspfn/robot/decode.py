@@ -2,24 +2,50 @@
 
 from __future__ import annotations
 
+import io
+import struct
+import zlib
 from typing import Any
 
 import numpy as np
+from PIL import Image
 
 from graspfn.imaging.holes import holes
 from graspfn.robot.messages import MOST_MM
+from graspfn.robot.target import target_in_image
+from graspfn.robot.tf import rigid
 from graspfn.robot.trial import FRAME, RecordingError
 
 PIXELS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}  # mono16: how some drivers name 16UC1
 LENSES = ("", "none", "plumb_bob", "rational_polynomial")  # others mean something else by the same numbers
-REACH_M = 5.0  # farther from the image centre no arm over the table reaches: another unit
+NEAREST_M, FARTHEST_M = 0.1, 3.0  # from a camera to the table that it looks at, and what stands on it
+MOST_PIXELS = 1 << 25
 
 
 def depth(image: Any) -> np.ndarray:
-    """(height, width) float32, metres, NaN where nothing was measured, of a sensor_msgs/Image.
+    """(height, width) float32, metres, NaN where nothing was measured, of a sensor_msgs/Image or CompressedImage.
 
     Raises RecordingError where it is no depth image, or one without a single measurement.
     """
+    metres = _compressed(image) if hasattr(image, "format") else _plain(image)
+    # Every convention of invalid: 0 and NaN, a negative number, infinity beyond the range.
+    nothing = holes(metres, None)
+    if nothing.all():
+        raise RecordingError("depth image without a single measurement: every pixel is zero or invalid")
+    return np.where(nothing, np.float32(np.nan), metres)
+
+
+def check_distance(metres: np.ndarray) -> None:
+    """RecordingError where a depth image, NaN for no measurement, is of no table under a camera: another unit."""
+    median = float(np.nanmedian(metres))
+    if not NEAREST_M <= median <= FARTHEST_M:
+        raise RecordingError(
+            f"depth image whose median is {median:.3g} m; a camera over a table sees {NEAREST_M} to {FARTHEST_M} m: "
+            "16UC1 takes millimetres, 32FC1 metres"
+        )
+
+
+def _plain(image: Any) -> np.ndarray:
     if image.encoding not in PIXELS:
         raise RecordingError(f"depth encoding {image.encoding!r}; it takes 16UC1 (mm) or 32FC1 (m)")
     dtype = np.dtype((">" if image.is_bigendian else "<") + PIXELS[image.encoding])
@@ -34,14 +60,45 @@ def depth(image: Any) -> np.ndarray:
     rows = np.frombuffer(image.data, np.uint8, height * step).reshape(height, step)
     # Rows may be padded, so the pixels are copied together before their bytes are taken as numbers.
     raw = np.ascontiguousarray(rows[:, : width * dtype.itemsize]).view(dtype)
-    metres = raw.astype(np.float32)
-    if dtype.kind == "u":
-        metres = np.where(raw > MOST_MM, np.float32(np.nan), metres / 1000)
-    # Every convention of invalid: 0 and NaN, a negative number, infinity beyond the range.
-    nothing = holes(metres, None)
-    if nothing.all():
-        raise RecordingError("depth image without a single measurement: every pixel is zero or invalid")
-    return np.where(nothing, np.float32(np.nan), metres)
+    return _millimetres(raw) if dtype.kind == "u" else raw.astype(np.float32)
+
+
+def _millimetres(raw: np.ndarray) -> np.ndarray:
+    return np.where(raw > MOST_MM, np.float32(np.nan), raw.astype(np.float32) / 1000)
+
+
+def _compressed(image: Any) -> np.ndarray:
+    """compressed_depth_image_transport: twelve bytes (how, and two numbers A and B), then a PNG of 16 bits.
+
+    Of 16UC1 its pixels are the millimetres; of 32FC1 they are q, for a depth of A / (q - B), and 0 for none.
+    """
+    encoding, _, how = image.format.partition(";")
+    encoding, data = encoding.strip() or "16UC1", bytes(image.data)
+    if "rvl" in how.lower():
+        raise RecordingError("depth compressed as RVL, which nothing here reads; it takes PNG, or raw images")
+    if "compressedDepth" not in how or encoding not in PIXELS:
+        raise RecordingError(f"compressed image of format {image.format!r}; it takes '16UC1; compressedDepth png'")
+    raw = _png(data[12:])
+    if PIXELS[encoding] == "u2":
+        return _millimetres(raw)
+    a, b = struct.unpack("<ff", data[4:12])
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        return np.where(raw == 0, np.nan, np.float32(a) / (raw.astype(np.float32) - np.float32(b))).astype(np.float32)
+
+
+def _png(data: bytes) -> np.ndarray:
+    """(height, width) uint16."""
+    try:
+        with Image.open(io.BytesIO(data), formats=["PNG"]) as picture:
+            if picture.width * picture.height > MOST_PIXELS or picture.mode != "I;16":
+                raise RecordingError(
+                    f"PNG of {picture.width}x{picture.height} pixels, {picture.mode}; it takes 16 bits"
+                )
+            return np.asarray(picture, dtype=np.uint16)
+    except (OSError, SyntaxError, ValueError, struct.error, zlib.error, Image.DecompressionBombError) as error:
+        if isinstance(error, RecordingError):
+            raise
+        raise RecordingError(f"damaged PNG: {' '.join(str(error).split())}") from None
 
 
 def camera_matrix(info: Any, shape: tuple[int, int]) -> np.ndarray:
@@ -70,12 +127,14 @@ def distortion(info: Any) -> tuple[float, ...]:
         raise RecordingError(
             f"distortion_model {info.distortion_model!r}; it takes plumb_bob, rational_polynomial, or rectified images"
         )
+    while len(values) > 8 and values[-1] == 0:
+        values = values[:-1]
     if len(values) not in (4, 5, 8) or not np.isfinite(values).all():
         raise RecordingError(f"distortion {values}; it takes 4, 5 or 8 numbers, of plumb_bob or rational_polynomial")
     return values
 
 
-def pose(stamped: Any) -> np.ndarray:
+def pose(stamped: Any, closing_axis: str = "x") -> np.ndarray:
     """(3,) (u [m], v [m], theta [rad]) of a geometry_msgs/PoseStamped in the frame `table`."""
     frame = stamped.header.frame_id.lstrip("/")
     if frame != FRAME:
@@ -83,22 +142,7 @@ def pose(stamped: Any) -> np.ndarray:
             f"pose in frame {frame!r}; it takes {FRAME!r}: origin on the table at the image centre, "
             "x along image +x, y along image -y, z up"
         )
-    position, orientation = stamped.pose.position, stamped.pose.orientation
-    x, y, z, w = np.array([orientation.x, orientation.y, orientation.z, orientation.w])
-    norm = x * x + y * y + z * z + w * w
-    if not (np.isfinite(norm) and norm > 0.5):
-        raise RecordingError("pose whose orientation is not a unit quaternion")
-    # The rotated x axis, along which the jaws close; world y is the image's -v.
-    closing_u = (w * w + x * x - y * y - z * z) / norm
-    closing_v = -2 * (x * y + w * z) / norm
-    if np.hypot(closing_u, closing_v) < 0.5:
-        raise RecordingError("pose whose x axis is more than 60 degrees off the table; the jaws close along it")
-    result = np.array([position.x, -position.y, np.arctan2(closing_v, closing_u) % np.pi])
-    if not np.all(np.isfinite(result)):
-        raise RecordingError("pose whose position is not finite")
-    if np.hypot(*result[:2]) > REACH_M:
-        raise RecordingError(f"pose {np.hypot(*result[:2]):g} m from the image centre; it takes metres, on the table")
-    return result
+    return target_in_image(rigid(stamped.pose.position, stamped.pose.orientation), closing_axis)
 
 
 def joints(stamped: list[tuple[int, Any]], start_ns: int) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:

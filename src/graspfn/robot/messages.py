@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from graspfn.imaging.holes import holes
 
@@ -57,6 +58,22 @@ SCHEMAS = {
         builtin_interfaces__Time=_TIME,
     ),
     "std_msgs/msg/Bool": "bool data\n",
+    "std_msgs/msg/String": "string data\n",
+    "sensor_msgs/msg/CompressedImage": _schema(
+        "std_msgs/Header header\nstring format\nuint8[] data\n",
+        std_msgs__Header=_HEADER,
+        builtin_interfaces__Time=_TIME,
+    ),
+    "tf2_msgs/msg/TFMessage": _schema(
+        "geometry_msgs/TransformStamped[] transforms\n",
+        geometry_msgs__TransformStamped="std_msgs/Header header\nstring child_frame_id\n"
+        "geometry_msgs/Transform transform\n",
+        std_msgs__Header=_HEADER,
+        builtin_interfaces__Time=_TIME,
+        geometry_msgs__Transform="geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n",
+        geometry_msgs__Vector3=_POINT,
+        geometry_msgs__Quaternion=_QUATERNION,
+    ),
 }
 
 
@@ -115,3 +132,15 @@ def joint_state(names: tuple[str, ...], positions: np.ndarray, stamp: dict[str, 
     """sensor_msgs/JointState of positions (len(names),), metres or radians."""
     values = np.asarray(positions, dtype=float).tolist()
     return {"header": stamp, "name": list(names), "position": values, "velocity": [], "effort": []}
+
+
+def transform(parent: str, child: str, T: np.ndarray, time_ns: int) -> dict[str, Any]:
+    """geometry_msgs/TransformStamped of T_parent_child (4, 4)."""
+    x, y, z, w = Rotation.from_matrix(T[:3, :3]).as_quat().tolist()
+    moved = dict(zip("xyz", T[:3, 3].tolist(), strict=True))
+    turned = {"x": x, "y": y, "z": z, "w": w}
+    return {
+        "header": header(time_ns, parent),
+        "child_frame_id": child,
+        "transform": {"translation": moved, "rotation": turned},
+    }

@@ -1,181 +1,350 @@
-"""Reading one trial from an MCAP file, written by the simulated robot or by any other that records ROS 2 messages.
+"""Reading one trial from a bag, recorded by the simulated robot or by any other that speaks ROS 2.
 
-A recording holds one trial: exactly one message on the topics of the commanded pose, the achieved pose and the
-outcome; at least one depth image before the command (the last of them is the one planned on) and its CameraInfo;
-joint states are read where there are any. Poses are in the frame `table` (`trial.FRAME`); their x axis is the
-direction in which the jaws close, so a gripper frame whose z points down does as well. The metadata record
-`graspfn.trial` (`trial.METADATA_KEYS`) says what was tried. Where the method found no grasp, it says so
-(`trial.PLANNED`), and the recording has neither pose: its image is the last one before the outcome.
+A bag holds one trial: the depth image that was planned on (the last before the command) and its CameraInfo, the
+commanded pose, where the gripper was as its fingers began to close, and whether the object was held. docs/recordings.md
+says where each may come from. Poses are in the frame `table` (`trial.FRAME`), or in one that TF connects with it. What
+is odd is said in `TrialRecording.flags`; what keeps a reached pose from being a measurement, in `doubts`.
 """
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
-from mcap.reader import SeekingReader
-from mcap.records import Channel, Message, Schema
-from mcap_ros2.decoder import DecoderFactory
 
-from graspfn.params import Topics
-from graspfn.robot import decode
+from graspfn.imaging.camera import Camera
+from graspfn.params import Arm, Robot, Topics
+from graspfn.robot import decode, plausible
+from graspfn.robot.bag import is_bag, open_bag, telling_damage
+from graspfn.robot.closing import closing_s
+from graspfn.robot.described import TABLE, description
+from graspfn.robot.judged import judge
+from graspfn.robot.mcap_file import Raw
+from graspfn.robot.places import Places, View
+from graspfn.robot.topics import Messages, lazy, naming, wanted
 from graspfn.robot.trial import (
-    METADATA,
-    METADATA_KEYS,
+    FRAME,
     PLANNED,
     Condition,
     RecordingError,
     TrialRecording,
+    pose_of,
     was_planned,
 )
 
-
-@dataclass(frozen=True)
-class Stamped:
-    """A decoded message and when it was logged."""
-
-    time_ns: int
-    message: Any
+LIFT_SAMPLES = 60
+RECORDINGS = Path("data/recordings")  # of the simulated robot
+ARM = Arm("topic", FRAME, "up", "base_link", "gripper", "x", None, 1, None)  # whose poses are all in the frame `table`
 
 
-MAGIC = b"\x89MCAP0\r\n"  # first and last bytes of a finished MCAP file
-
-
-def _open(stream: IO[bytes]) -> SeekingReader:
-    if stream.read(len(MAGIC)) != MAGIC:
-        raise RecordingError("not an MCAP file")
-    size = stream.seek(0, os.SEEK_END)
-    stream.seek(max(0, size - len(MAGIC)))
-    if size < 2 * len(MAGIC) or stream.read() != MAGIC:
-        raise RecordingError("cut short: the recording was not finished, or not copied whole")
-    stream.seek(0)
-    # No record can be longer than the file: a damaged length must not allocate gigabytes.
-    return SeekingReader(stream, validate_crcs=True, record_size_limit=size)
-
-
-def _metadata(reader: SeekingReader) -> dict[str, str]:
-    for record in reader.iter_metadata():
-        if record.name == METADATA:
-            return dict(record.metadata)
-    needed = "; ".join(f"{key}: {meaning}" for key, meaning in METADATA_KEYS.items())
-    raise RecordingError(f"no metadata record {METADATA!r}, which takes the keys {needed}")
-
-
-def _decoded(item: tuple[Schema | None, Channel, Message], factory: DecoderFactory, kind: str) -> Stamped:
-    """One message as its fields; `kind` is the type that its topic takes."""
-    schema, channel, message = item
-    name = schema.name if schema else "no type"
-    if name != kind:
-        raise RecordingError(f"topic {channel.topic} carries {name}; it takes {kind}")
-    decoder = factory.decoder_for(channel.message_encoding, schema)
-    if decoder is None:
-        raise RecordingError(f"topic {channel.topic} is not encoded as ROS 2 messages (cdr, ros2msg)")
-    return Stamped(message.log_time, decoder(message.data))
-
-
-def messages_of_trial(reader: SeekingReader, topics: Topics, planned: bool = True) -> dict[str, list[Stamped]]:
-    """The messages of each topic (keys as in `params.Topics`) in order of time; of camera topics only the last before
-    the command, so that a recorded video does not fill the memory. planned: whether there was a grasp to command."""
-    kinds = {
-        "depth": "sensor_msgs/msg/Image",
-        "camera_info": "sensor_msgs/msg/CameraInfo",
-        "commanded": "geometry_msgs/msg/PoseStamped",
-        "achieved": "geometry_msgs/msg/PoseStamped",
-        "joints": "sensor_msgs/msg/JointState",
-        "outcome": "std_msgs/msg/Bool",
-    }
-    last = "commanded" if planned else "outcome"
-    key_of = {getattr(topics, key): key for key in kinds}
-    found: dict[str, list[Any]] = {key: [] for key in kinds}
-    for item in reader.iter_messages(topics=list(key_of)):
-        key = key_of[item[1].topic]
-        if key not in ("depth", "camera_info"):
-            found[key].append(item)
-        elif not found[last]:
-            found[key] = [item]
-    for key in ("commanded", "achieved", "outcome"):
-        if planned or key == "outcome":
-            if len(found[key]) != 1:
-                raise RecordingError(f"{_count(found[key])} on topic {getattr(topics, key)}; a trial has exactly one")
-        elif found[key]:
-            raise RecordingError(f"{_count(found[key])} on topic {getattr(topics, key)}, but metadata {PLANNED}: false")
-    for key in ("camera_info", "depth"):
-        if not found[key]:
-            before = "commanded pose" if planned else "outcome"
-            raise RecordingError(f"no message on topic {getattr(topics, key)} before the {before}")
-    factory = DecoderFactory()
-    return {key: [_decoded(item, factory, kinds[key]) for item in items] for key, items in found.items()}
+class NeverClosed(RecordingError):
+    """The fingers did not: there is no moment at which they began to."""
 
 
 def _count(items: list[Any]) -> str:
     return "no message" if not items else "1 message" if len(items) == 1 else f"{len(items)} messages"
 
 
-@contextmanager
-def _naming(topic: str) -> Iterator[None]:
-    """Errors say which topic the message came on."""
+@dataclass
+class _Trial:
+    """What is found out of one bag, step by step. said: what the trial was."""
+
+    messages: Messages
+    arm: Arm
+    said: Mapping[str, str]
+
+    def __post_init__(self) -> None:
+        bag = self.messages.bag
+        self.topics, self.raw, self.decode = self.messages.topics, self.messages.raw, self.messages.decode
+        self.planned = was_planned(self.said)
+        self.flags, self.doubts = list(bag.flags), list(bag.jumps)
+
+    @cached_property
+    def commanded_message(self) -> Any:
+        """With when it was logged; None where columns have the pose, or there was none to command."""
+        found = self.raw("commanded")
+        if not self.planned and found:
+            raise RecordingError(f"{_count(found)} on topic {self.topics.commanded}, but {PLANNED}: false")
+        if not self.planned or (not found and pose_of(self.said) is not None):
+            return None
+        if len(found) != 1:
+            raise RecordingError(f"{_count(found)} on topic {self.topics.commanded}; a trial has exactly one")
+        return found[0].time_ns, self.decode("commanded", found[0])
+
+    @cached_property
+    def command_ns(self) -> int | None:
+        """When the pose was commanded; None where nothing says."""
+        return int(self.commanded_message[0]) if self.commanded_message else None
+
+    @cached_property
+    def planned_ns(self) -> tuple[float, str]:
+        """Before when the image was taken that was planned on, and what happened then."""
+        if self.command_ns is not None:
+            return self.command_ns, "the commanded pose"
+        if self.planned and self.tells_closing:
+            return self.closing_ns, "the fingers close"
+        if self.raw("outcome"):
+            return self.raw("outcome")[0].time_ns, "the outcome"
+        return math.inf, "the end"
+
+    @cached_property
+    def success(self) -> bool:
+        verdict, found = self.said.get("verdict"), self.raw("outcome")
+        if verdict is None and not found:
+            raise RecordingError(f"no message on topic {self.topics.outcome}, and no verdict in what the trial was")
+        pressed = [bool(self.decode("outcome", raw).data) for raw in found]
+        if len(set(pressed)) > 1:
+            self.flags.append(f"the verdict changed {len(pressed) - 1} times; the last counts")
+        success = pressed[-1] if verdict is None else verdict == "held"
+        if success and not self.planned:
+            raise RecordingError(f"topic {self.topics.outcome}: a success, but {PLANNED}: false")
+        return success
+
+    def last_before_plan(self, key: str) -> Raw:
+        before, what = self.planned_ns
+        found = [raw for raw in self.raw(key) if raw.time_ns <= before]
+        if not found:
+            raise RecordingError(f"no message on topic {getattr(self.topics, key)} before {what}")
+        return found[-1]
+
+    @cached_property
+    def image(self) -> Any:
+        return self.decode("depth", self.last_before_plan("depth"))
+
+    @cached_property
+    def depth(self) -> np.ndarray:
+        with naming(self.topics.depth):
+            depth = decode.depth(self.image)
+            decode.check_distance(depth)
+        return depth
+
+    @cached_property
+    def camera(self) -> Camera:
+        with naming(self.topics.camera_info):
+            info = self.decode("camera_info", self.last_before_plan("camera_info"))
+            height, width = self.depth.shape
+            K = decode.camera_matrix(info, (height, width))
+            return Camera(width, height, (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), decode.distortion(info))
+
+    @property
+    def places(self) -> Places:
+        """Not kept: it would hold the trial, and the trial it, and the memory both."""
+        return Places(self.messages, self.arm, self.view)
+
+    def view(self) -> View:
+        return View(self.image.header, self.last_before_plan("depth").time_ns, self.depth, self.camera)
+
+    @cached_property
+    def joints(self) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+        """Names, times [s] since zero_ns by the recorder's clock, positions."""
+        messages = [(raw.time_ns, self.decode("joints", raw)) for raw in self.messages.thinned("joints")]
+        self.doubts += plausible.clock_jumps(messages, self.topics.joints)
+        return decode.joints(messages, self.zero_ns)
+
+    @cached_property
+    def zero_ns(self) -> int:
+        """From when the joints' times count: the command, else the outcome, else their first message."""
+        if self.command_ns is not None:
+            return self.command_ns
+        return next((raw.time_ns for key in ("outcome", "joints") for raw in self.raw(key)), 0)
+
+    @cached_property
+    def fingers(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times [s] since zero_ns and positions (T, fingers) from the command to the verdict."""
+        names, time_s, positions = self.joints
+        missing = [name for name in self.arm.finger_joints or () if name not in names]
+        if missing:
+            raise RecordingError(
+                f"topic {self.topics.joints}: no joint {', '.join(missing)}; there are {', '.join(names)}"
+            )
+        columns = [names.index(name) for name in self.arm.finger_joints or ()]
+        outcomes = self.raw("outcome")
+        end = (outcomes[-1].time_ns - self.zero_ns) * 1e-9 if outcomes else np.inf
+        during = (time_s >= (-np.inf if self.command_ns is None else 0)) & (time_s <= end)
+        return time_s[during], positions[during][:, columns]
+
+    @cached_property
+    def closing_ns(self) -> int:
+        """When the fingers begin to close, by the recorder's clock."""
+        if self.topics.gripper:
+            found = [raw for raw in self.raw("gripper") if raw.time_ns >= (self.command_ns or 0)]
+            if not found:
+                raise RecordingError(f"no message on topic {self.topics.gripper} after the commanded pose")
+            return found[0].time_ns
+        if not self.arm.finger_joints:
+            raise RecordingError("nothing tells when the fingers close; arm.finger_joints or topics.gripper does")
+        with naming(self.topics.joints):
+            seconds = closing_s(*self.fingers, self.arm.finger_sign)
+        if seconds is None:
+            raise NeverClosed(f"topic {self.topics.joints}: {', '.join(self.arm.finger_joints)} never closed")
+        return self.zero_ns + round(seconds * 1e9)
+
+    @property
+    def tells_closing(self) -> bool:
+        return bool(self.arm.finger_joints or self.topics.gripper)
+
+    @cached_property
+    def commanded(self) -> np.ndarray | None:
+        if not self.planned:
+            return None
+        given = pose_of(self.said)
+        if given is not None or self.commanded_message is None:
+            return given
+        with naming(self.topics.commanded):
+            return self.places.pose(*self.commanded_message)
+
+    @cached_property
+    def achieved(self) -> np.ndarray | None:
+        """Where the gripper was as its fingers began to close."""
+        if not self.planned:
+            if found := self.raw("achieved"):
+                raise RecordingError(f"{_count(found)} on topic {self.topics.achieved}, but {PLANNED}: false")
+            return None
+        if self.arm.achieved == "columns":
+            reached = pose_of(self.said, "reached_")
+            if reached is None:
+                raise RecordingError("what the trial was lacks reached_u_mm, reached_v_mm, reached_theta_deg")
+            return reached
+        if self.arm.achieved == "tf":
+            try:
+                return self.places.gripper(self.closing_ns)
+            except NeverClosed as error:
+                if self.success:
+                    raise
+                self.doubts.append(str(error))  # the arm was stopped on its way: a failure, and no pose to measure
+                return None
+        found = self.raw("achieved")
+        if not found:
+            raise RecordingError(f"no message on topic {self.topics.achieved}")
+        chosen = found[0]
+        if len(found) > 1:  # a tracker's: the last before the fingers close
+            if not self.tells_closing:
+                raise RecordingError(
+                    f"{_count(found)} on topic {self.topics.achieved}; a trial has exactly one, or arm.finger_joints "
+                    "or topics.gripper to tell which was as the fingers closed"
+                )
+            earlier = [raw for raw in found if raw.time_ns <= self.closing_ns]
+            if not earlier:
+                raise RecordingError(f"no message on topic {self.topics.achieved} before the fingers close")
+            chosen = earlier[-1]
+        self.doubts += plausible.order(self.command_ns, chosen.time_ns, self.topics.achieved)
+        with naming(self.topics.achieved):
+            return self.places.pose(chosen.time_ns, self.decode("achieved", chosen))
+
+    def heights(self, moments_ns: Sequence[int]) -> np.ndarray:
+        """Of the gripper above the table at moments of the recorder's clock, metres; NaN where TF does not say."""
+        places, found = self.places, []
+        for moment in moments_ns:
+            try:
+                found.append(float(places.T_table(self.arm.gripper_frame, places.stamp(moment))[2, 3]))
+            except RecordingError:
+                found.append(math.nan)
+        return np.array(found)
+
+    def judged(self, success: bool) -> bool | None:
+        """From the fingers, and the lift between their closing and the verdict; a disagreement is flagged."""
+        outcomes = self.raw("outcome")
+        if not (self.planned and outcomes and self.arm.finger_joints):
+            return None
+        lift = None
+        if self.raw("tf"):
+            try:
+                low, high = self.heights([self.closing_ns, outcomes[-1].time_ns])
+                lift = None if math.isnan(high - low) else float(high - low)
+            except RecordingError:
+                pass  # they never closed: the fingers tell
+        judged, why = judge(self.fingers[1], self.arm, lift)
+        if judged is not None and judged != success:
+            seen = "the fingers hold something up" if judged else why
+            self.flags.append(f"the verdict is {'held' if success else 'failed'}, but {seen}")
+        return judged
+
+    def lift(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times [s] since the command and heights [m] of the gripper, as far as TF has them."""
+        outcomes = self.raw("outcome")
+        if not (self.raw("tf") and outcomes and self.command_ns is not None):
+            return np.zeros(0), np.zeros(0)
+        time_s = np.linspace(0, (outcomes[-1].time_ns - self.command_ns) * 1e-9, LIFT_SAMPLES)
+        heights = self.heights([self.command_ns + round(s * 1e9) for s in time_s.tolist()])
+        known = np.isfinite(heights)
+        return time_s[known], heights[known]
+
+    def recording(self, detail: bool = False) -> TrialRecording:
+        condition = Condition.from_metadata(self.said)
+        command_ns = self.command_ns or 0
+        success, depth, camera = self.success, self.depth, self.camera
+        if self.raw("outcome") and self.raw("outcome")[-1].time_ns < command_ns:
+            raise RecordingError(f"topic {self.topics.outcome}: the verdict comes before the commanded pose")
+        commanded, achieved = self.commanded, self.achieved
+        names, time_s, positions = self.joints
+        if self.arm.finger_joints and success and self.arm.finger_shut is not None:
+            plausible.check_fingers(self.fingers[1], self.arm)
+        if commanded is not None and achieved is not None:
+            self.doubts += plausible.reached(commanded, achieved, condition)
+        judged = self.judged(success)
+        lift_time_s, lift_m = self.lift() if detail else (np.zeros(0), np.zeros(0))
+        return TrialRecording(
+            condition=condition,
+            depth=depth,
+            camera_matrix=camera.matrix,
+            commanded=commanded,
+            achieved=achieved,
+            joint_names=names,
+            joint_time_s=time_s,
+            joint_positions=positions,
+            success=success,
+            distortion=camera.distortion,
+            flags=tuple(self.flags),
+            doubts=tuple(dict.fromkeys(self.doubts)),
+            judged=judged,
+            lift_time_s=lift_time_s,
+            lift_m=lift_m,
+        )
+
+
+def read_trial(
+    path: Path, topics: Topics, arm: Arm = ARM, row: Mapping[str, str] | None = None, detail: bool = False
+) -> TrialRecording:
+    """The trial in a bag; RecordingError, in one line, where it is damaged or lacks something.
+
+    row: what trials.csv says of it, if there is one (`described.read_table`). detail: the lift over time as well.
+    """
     try:
-        yield
-    except RecordingError as error:
-        raise RecordingError(f"topic {topic}: {error}") from None
-
-
-def _pose(found: list[Stamped], topic: str) -> np.ndarray | None:
-    with _naming(topic):
-        return decode.pose(found[0].message) if found else None
-
-
-def _trial(reader: SeekingReader, topics: Topics) -> TrialRecording:
-    metadata = _metadata(reader)
-    condition, planned = Condition.from_metadata(metadata), was_planned(metadata)
-    found = messages_of_trial(reader, topics, planned)
-    start = found["commanded" if planned else "outcome"][0].time_ns
-    names, time_s, positions = decode.joints([(item.time_ns, item.message) for item in found["joints"]], start)
-    with _naming(topics.depth):
-        depth = decode.depth(found["depth"][0].message)
-    with _naming(topics.camera_info):
-        info = found["camera_info"][0].message
-        camera_matrix, distortion = decode.camera_matrix(info, depth.shape), decode.distortion(info)
-    success = bool(found["outcome"][0].message.data)
-    if success and not planned:
-        raise RecordingError(f"topic {topics.outcome}: a success, but metadata {PLANNED}: false")
-    return TrialRecording(
-        condition=condition,
-        depth=depth,
-        camera_matrix=camera_matrix,
-        commanded=_pose(found["commanded"], topics.commanded),
-        achieved=_pose(found["achieved"], topics.achieved),
-        joint_names=names,
-        joint_time_s=time_s,
-        joint_positions=positions,
-        success=success,
-        distortion=distortion,
-    )
-
-
-def read_trial(path: Path, topics: Topics) -> TrialRecording:
-    """The trial in an MCAP file; RecordingError, in one line, where it is damaged or lacks something."""
-    try:
-        with path.open("rb") as stream:
-            return _trial(_open(stream), topics)
+        with open_bag(path, wanted(topics), lazy(topics)) as bag:
+            try:
+                with telling_damage():
+                    return _Trial(Messages(bag, topics), arm, description(path, bag.metadata, row or {})).recording(
+                        detail
+                    )
+            except RecordingError as error:
+                raise RecordingError("; ".join([str(error), *bag.flags])) from None
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except Exception as error:
-        # Damaged bytes surface as any of a dozen unrelated types from the mcap, cdr and compression libraries.
-        detail = " ".join(f"{type(error).__name__} {error}".split())
-        raise RecordingError(f"{path}: damaged: {detail}") from error
+
+
+def _bags(folder: Path) -> Iterator[Path]:
+    for child in folder.iterdir():
+        if is_bag(child):
+            yield child
+        elif child.is_dir() and not child.is_symlink() and not child.name.startswith("."):
+            yield from _bags(child)
 
 
 def recordings(folder: Path) -> list[Path]:
-    """The .mcap files directly in a folder, by name."""
-    found = sorted(folder.glob("*.mcap")) if folder.is_dir() else []
+    """The bags in a folder and the folders in it, by name."""
+    found = sorted(_bags(folder)) if folder.is_dir() else []
     if not found:
-        raise RecordingError(f"{folder}: no .mcap files; robot.folder takes a directory of them")
+        raise RecordingError(f"{folder}: no .mcap files; robot.folder takes a directory of bags, {TABLE} beside them")
     return found
+
+
+def source_of(robot: Robot, arm: Arm) -> tuple[Path, Arm]:
+    """Where the bags lie, those of the user where they are, and how they tell where the gripper was."""
+    return (Path(robot.folder), arm) if robot.source == "folder" else (RECORDINGS, ARM)

@@ -7,20 +7,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from graspfn.evaluation.bench import Bench, Scene
+from graspfn.evaluation.bench import Scene
 from graspfn.evaluation.planner import Planned
 from graspfn.imaging.camera import Camera
 from graspfn.imaging.noise import add_noise
 from graspfn.meshes.placed import Resting
 from graspfn.params import Noise
-from graspfn.physics.attempt import Frame
+from graspfn.physics.attempt import Grasper, Outcome
 from graspfn.physics.world import Rig
 from graspfn.planning.uncertainty import PoseUncertainty
 from graspfn.robot.depth_holes import hole_mask
+from graspfn.robot.gantry import ABOVE_M, JOINTS, Gantry, Motion
 from graspfn.robot.trial import Condition, TrialRecording
 from graspfn.seeds import generator
 
-JOINTS = ("hand_lift", "finger_left", "finger_right")
+DESCENT_M = 0.002  # steps by which the open gripper is tried on its way down
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,19 +56,18 @@ def record(
     """Execute the plans for each cell (sigma_uv [mm], sigma_theta [deg]). Those of one cell share the arm's error, so
     that methods are paired.
 
-    Where a method found no grasp the robot stays where it is, and that is recorded as the failure it is.
+    Where a method found no grasp the robot stays where it is, and that is recorded as the failure it is. Failures are
+    recorded to the end: no grasp is cut short for being lost.
     """
-    bench = Bench(resting, rig, seen.scene)
+    grasper, arm = Grasper(resting, rig), Gantry(camera, rig.gripper)
     recordings = []
     for cell, planned in ((cell, planned) for cell, of_cell in zip(cells, plans, strict=True) for planned in of_cell):
         reached: np.ndarray | None = None
-        frames: tuple[Frame, ...] = ()
-        held = False
+        motion, held = arm.waits(), False
         if planned.q is not None:
             error = generator(seed, "record_robot", seen.object, seen.placement, *cell).standard_normal(3)
             reached = PoseUncertainty.of(*cell).reached(planned.q, error)
-            result = bench.grasp(reached, film=True)
-            held, frames = result.held, result.frames
+            motion, held = execute(grasper, arm, reached, seen.scene.unmoved(reached))
         recordings.append(
             TrialRecording(
                 condition=Condition(
@@ -78,19 +78,46 @@ def record(
                     sigma_uv_mm=cell[0],
                     sigma_theta_deg=cell[1],
                     simulated=True,
+                    injected_uv_mm=cell[0],
+                    injected_theta_deg=cell[1],
                 ),
                 depth=seen.raw,
                 camera_matrix=camera.matrix,
                 commanded=planned.q,
                 achieved=reached,
                 joint_names=JOINTS,
-                joint_time_s=np.array([frame.time_s for frame in frames]),
-                joint_positions=np.array([(frame.hand_z, *frame.fingers) for frame in frames]).reshape(-1, 3),
+                joint_time_s=motion.time_s,
+                joint_positions=motion.positions,
                 success=held,
                 distortion=camera.distortion,
             )
         )
     return recordings
+
+
+def execute(grasper: Grasper, arm: Gantry, reached: np.ndarray, q: np.ndarray) -> tuple[Motion, bool]:
+    """How the arm moves to the pose it reaches and grasps there, and whether it holds the object at the top.
+
+    reached (3,): on the table; q: the same about the object where it was settled. An open gripper that meets the object
+    on its way down stops there.
+    """
+    result = grasper.run(q, whole=True, film=True)
+    stopped = stopped_at(grasper, q) if result.outcome is Outcome.COLLIDED else 0.0
+    return arm.grasps(reached, stopped, result.frames), result.held
+
+
+def stopped_at(grasper: Grasper, q: np.ndarray) -> float:
+    """The lowest rise [m] that the open gripper comes down to over q without meeting the object."""
+    world = grasper.world
+    world.place_object(grasper.resting.T_world_object)
+    world.place_hand(q)
+    free = ABOVE_M
+    for rise in np.arange(ABOVE_M, -DESCENT_M / 2, -DESCENT_M):
+        world.hand.setPosition(0, rise)
+        if world.hand_touches_object() or world.hand_inside_object():
+            break
+        free = float(rise)
+    return free
 
 
 def file_name(condition: Condition) -> str:

@@ -1,0 +1,72 @@
+"""Planning once more on the image of a recording, with a network at hand: a camera, a unit or a network that changed
+since shows in a pose that differs from the recorded one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from graspfn.evaluation.bench import Scene
+from graspfn.evaluation.planner import GraspFunction, Planner
+from graspfn.geometry.grid import angle_difference
+from graspfn.imaging.camera import Camera
+from graspfn.imaging.height_map import see_heights
+from graspfn.imaging.network_input import network_input
+from graspfn.learning.networks import GraspNetwork
+from graspfn.learning.prediction import predict_both
+from graspfn.params import Table
+from graspfn.planning.robust import RobustFunction
+from graspfn.planning.uncertainty import PoseUncertainty
+from graspfn.robot.trial import TrialRecording
+
+SAME_M, SAME_RAD = 0.01, np.radians(30)  # a cell of Q: an image rounded to millimetres moves a plan by less
+
+
+@dataclass(frozen=True, eq=False)
+class Replanned:
+    """q: (3,) by the trial's own method, None where it finds no grasp; f and robust: (33, 44, 6), the network's
+    function and the same smoothed by the Sigma that the trial assumed."""
+
+    q: np.ndarray | None
+    f: np.ndarray
+    robust: np.ndarray
+
+    def differs(self, recorded: np.ndarray | None) -> str:
+        """In words, how the pose differs from the recorded one; "" where it does not."""
+        if self.q is None or recorded is None:
+            alike = self.q is None and recorded is None
+            return "" if alike else f"planned again, {'no grasp' if self.q is None else 'a grasp'} is found"
+        away = float(np.hypot(*(self.q - recorded)[:2]))
+        turned = float(abs(angle_difference(self.q[2], recorded[2])))
+        if away <= SAME_M and turned <= SAME_RAD:
+            return ""
+        return f"planned again, the pose is {away * 1000:.0f} mm and {np.degrees(turned):.0f}° from the recorded one"
+
+
+@dataclass(frozen=True, eq=False)
+class Replanner:
+    """networks: by the name that recordings give them, with what they see (`network.*.input`). camera: whose pose above
+    the table is taken; intrinsics are those of each recording."""
+
+    networks: dict[str, tuple[str, GraspNetwork]]
+    planner: Planner
+    camera: Camera
+    table: Table
+
+    def replan(self, trial: TrialRecording) -> Replanned | None:
+        """None for a trial of another network, or none. Errors of images that cannot be planned on pass through."""
+        c = trial.condition
+        if c.network not in self.networks:
+            return None
+        kind, network = self.networks[c.network]
+        height, width = trial.depth.shape
+        (fx, _, cx), (_, fy, cy) = trial.camera_matrix[:2].tolist()
+        camera = Camera(width, height, (fx, fy, cx, cy), trial.distortion, self.camera.T_world_camera)
+        scores, likeliest = predict_both(network, network_input(trial.depth, camera, kind, self.table)[None])
+        scene = Scene(f"{c.object}-{c.placement}", see_heights(trial.depth, camera, self.table), np.zeros(2), 0.0)
+        function = GraspFunction(c.network, 0, scores[0], likeliest[0])
+        assumed = PoseUncertainty.of(c.sigma_uv_mm, c.sigma_theta_deg)
+        plans = self.planner.plans(scene, [function], [assumed])[0]
+        q = next(plan.q for plan in plans if plan.method == c.method)
+        return Replanned(q, scores[0], RobustFunction(scores[0], assumed).on_q)
