@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from graspfn.geometry.grid import CELL_M as POSE_CELL_M
@@ -26,6 +25,7 @@ CELL_M = POSE_CELL_M / FINER
 BAND_M = 0.006
 AGREE = 0.5  # of a pixel's measured neighbours: at an edge, eq. 2 and real cameras put depths where nothing is
 SUPPORT = 0.25  # of a cell has to be covered by the pixels that see a height; less is jitter at an edge
+HIGHEST_M = 100.0  # far more than anything is high
 # What is lower counts as table, for networks and for Centroid: fits of a wavy table leave that much, and no gripper
 # takes hold of it.
 TABLE_M = 0.005
@@ -39,128 +39,81 @@ class HeightMap:
     seen: np.ndarray
 
 
-@numba.njit
-def _agreeing(depth, band, share):  # type: ignore[no-untyped-def]
+def _agreeing(depth: np.ndarray) -> np.ndarray:
     """depth (height, width), NaN for what is no measurement, or is one that most of its neighbours do not bear out."""
     height, width = depth.shape
-    kept = np.full((height, width), np.nan, np.float32)
-    clean = np.empty((height + 2, width + 2), np.float32)
-    clean[:] = np.nan
-    for row in range(height):
-        for column in range(width):
-            z = depth[row, column]
-            clean[row + 1, column + 1] = z if (z >= NEAR_M) & (z < np.inf) else np.float32(np.nan)
-    for row in range(height):
-        above, here, below = clean[row], clean[row + 1], clean[row + 2]
-        for column in range(width):
-            z = here[column + 1]
-            agree, known = np.float32(0), np.float32(0)
-            for k in (column, column + 1, column + 2):
-                agree += np.float32(abs(above[k] - z) <= band) + np.float32(abs(below[k] - z) <= band)
-                known += np.float32(above[k] == above[k]) + np.float32(below[k] == below[k])
-            for k in (column, column + 2):
-                agree += np.float32(abs(here[k] - z) <= band)
-                known += np.float32(here[k] == here[k])
-            kept[row, column] = z if agree >= share * known else np.float32(np.nan)
-    return kept
+    clean = np.full((height + 2, width + 2), np.nan, np.float32)  # all round, so that pixels are neighbours as they lie
+    clean[1:-1, 1:-1] = np.where((depth >= NEAR_M) & (depth < np.inf), depth, np.float32(np.nan))
+    clean = clean.ravel()
+    known = (clean == clean).view(np.int8)
+    agree, around = np.zeros(clean.shape, np.int8), np.zeros(clean.shape, np.int8)
+    for step in (1, width + 1, width + 2, width + 3):
+        one, other = slice(None, -step), slice(step, None)
+        together = (np.abs(clean[other] - clean[one]) <= np.float32(BAND_M)).view(np.int8)
+        agree[one] += together
+        agree[other] += together
+        around[one] += known[other]
+        around[other] += known[one]
+    kept = np.where(agree >= np.float32(AGREE) * around, clean, np.float32(np.nan))
+    return kept.reshape(height + 2, width + 2)[1:-1, 1:-1]
 
 
-@numba.njit
-def _scatter(depth, slopes, M, shape, lowest):  # type: ignore[no-untyped-def]
-    """Heights of all measured pixels, sorted by cell, and where each cell's begin: (K,), (cells + 1,).
-
-    M: (3, 4) float32, from camera axes to column, row and height.
-    """
-    rows, columns = shape
-    n = depth.size
-    cells = np.empty(n, np.int32)
-    heights = np.empty(n, np.float32)
-    starts = np.zeros(rows * columns + 1, np.int32)
-    for i in range(n):
-        z, a, b = depth[i], slopes[i, 0], slopes[i, 1]
-        column = z * (M[0, 0] * a + M[0, 1] * b + M[0, 2]) + M[0, 3]
-        row = z * (M[1, 0] * a + M[1, 1] * b + M[1, 2]) + M[1, 3]
-        h = z * (M[2, 0] * a + M[2, 1] * b + M[2, 2]) + M[2, 3]
-        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns) & (h >= lowest)  # NaN is not
-        cells[i] = np.int32(row) * columns + np.int32(column) if inside else rows * columns
-        heights[i] = h
-    for i in range(n):
-        if cells[i] < rows * columns:
-            starts[cells[i] + 1] += 1
-    for cell in range(rows * columns):
-        starts[cell + 1] += starts[cell]
-    places = starts[:-1].copy()
-    by_cell = np.empty(starts[-1], np.float32)
-    for i in range(n):
-        cell = cells[i]
-        if cell < rows * columns:
-            by_cell[places[cell]] = heights[i]
-            places[cell] += 1
-    return by_cell, starts
+def _points(depth: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Of the pixels over Q the cell (K,), row by row, and the height (K,) float32."""
+    M = np.array(camera.T_world_camera[:3], dtype=float) * [[1 / CELL_M], [-1 / CELL_M], [1]]
+    M[:, 3] += SHAPE[1] / 2, SHAPE[0] / 2, 0
+    a, b = np.moveaxis(camera.slopes(), -1, 0)
+    column, row, height = (depth * (m[0] * a + m[1] * b + m[2]) + m[3] for m in M.astype(np.float32))
+    over = (row >= 0) & (row < SHAPE[0]) & (column >= 0) & (column < SHAPE[1])  # NaN is not
+    over &= height >= np.float32(-BEHIND_M)
+    return row[over].astype(np.intp) * SHAPE[1] + column[over].astype(np.intp), height[over]
 
 
-@numba.njit
-def _highest(points, under):  # type: ignore[no-untyped-def]
-    highest = np.float32(-np.inf)
-    for point in points:
-        highest = max(highest, point if point < under else np.float32(-np.inf))
-    return highest
+def _enough(highest: np.ndarray, points: np.ndarray, camera: Camera) -> np.ndarray:
+    """Of a cell's points (132 x 176,), of which the highest is so high, how many have to lie together."""
+    T = camera.T_world_camera
+    column, row = np.meshgrid(*(np.arange(n) - n / 2 + 0.5 for n in SHAPE[::-1]))
+    dx, dy, dz = column.ravel() * CELL_M - T[0, 3], -row.ravel() * CELL_M - T[1, 3], highest - T[2, 3]
+    # A pixel sees z^3 / (f^2 h) of a level surface at depth z, h under the camera.
+    z = np.maximum(T[0, 2] * dx + T[1, 2] * dy + T[2, 2] * dz, NEAR_M)
+    pixels = CELL_M * CELL_M * camera.K[0] * camera.K[1] * -dz / z**3
+    return np.minimum(np.maximum(SUPPORT * pixels, 1.0), (points + 1) // 2)
 
 
-@numba.njit
-def _height(points, highest, enough, band):  # type: ignore[no-untyped-def]
-    """The mean of the highest points (n,) of a cell of which `enough` lie together, within `band`."""
-    first = np.float32(np.nan)
-    while highest > -np.inf:
-        total, count = np.float32(0), np.float32(0)
-        for point in points:
-            together = np.float32((point <= highest) & (point >= highest - band))
-            total += together * point
-            count += together
-        if count >= enough:
-            return total / count
-        if np.isnan(first):
-            first = total / count
-        highest = _highest(points, highest)
-    return first  # nowhere do as many lie together: a wall, seen by few pixels
+def _heights(cell: np.ndarray, height: np.ndarray, camera: Camera) -> np.ndarray:
+    """(132, 176) float32, NaN where a cell holds no point: the mean of its highest points of which enough lie together,
+    within BAND_M."""
+    cells = SHAPE[0] * SHAPE[1]
+    points = np.bincount(cell, minlength=cells)
+    highest = np.full(cells, -np.inf, np.float32)
+    np.maximum.at(highest, cell, height)
+    enough = _enough(np.where(points > 0, highest, np.float32(0)), points, camera)
+    near = np.flatnonzero(height >= (highest - np.float32(BAND_M))[cell])
+    count = np.bincount(cell[near], minlength=cells)
+    total = np.bincount(cell[near], height[near], minlength=cells)
+    heights = np.divide(total, count, out=np.full(cells, np.nan), where=count > 0)
+    # The first of them may be strays over what is there. Where it is so, each point in turn, from the highest down.
+    left = np.flatnonzero((count < enough)[cell])
+    left = left[np.lexsort((-height[left], cell[left]))]
+    cell, height = cell[left], height[left].astype(float)
+    key = cell - height / HIGHEST_M  # rises from point to point, by more from cell to cell than within one
+    first, last = np.arange(len(left)), np.searchsorted(key, key + BAND_M / HIGHEST_M, side="right")
+    sums = np.concatenate([[0.0], np.cumsum(height)])
+    together = np.flatnonzero(last - first >= enough[cell])
+    settled, at = np.unique(cell[together], return_index=True)
+    at = together[at]
+    heights[settled] = (sums[last[at]] - sums[at]) / (last[at] - at)
+    return heights.reshape(SHAPE).astype(np.float32)
 
 
-@numba.njit
-def _heights(by_cell, starts, T, focal2, shape, cell_m, support, band):  # type: ignore[no-untyped-def]
-    """(rows, columns) float32, NaN where a cell holds no point."""
-    rows, columns = shape
-    heights = np.full((rows, columns), np.nan, np.float32)
-    for row in range(rows):
-        dy = (rows / 2 - row - 0.5) * cell_m - T[1, 3]
-        for column in range(columns):
-            points = by_cell[starts[row * columns + column] : starts[row * columns + column + 1]]
-            if points.size == 0:
-                continue
-            highest = _highest(points, np.float32(np.inf))
-            dx, dz = (column - columns / 2 + 0.5) * cell_m - T[0, 3], highest - T[2, 3]
-            # A pixel sees z^3 / (f^2 h) of a level surface at depth z, h under the camera.
-            z = max(T[0, 2] * dx + T[1, 2] * dy + T[2, 2] * dz, NEAR_M)
-            pixels = cell_m * cell_m * focal2 * -dz / (z * z * z)
-            enough = min(max(support * pixels, 1.0), (points.size + 1) // 2)
-            heights[row, column] = _height(points, highest, enough, np.float32(band))
-    return heights
-
-
-@numba.njit
-def _closed(heights, band):  # type: ignore[no-untyped-def]
+def _closed(heights: np.ndarray) -> np.ndarray:
     """Gaps of one cell, between opposite neighbours that agree, closed: what lies between two pixels."""
-    rows, columns = heights.shape
     closed = heights.copy()
-    for row in range(rows):
-        for column in range(columns):
-            if not np.isnan(heights[row, column]):
-                continue
-            for dr, dc in ((0, 1), (1, 0)):
-                if row - dr >= 0 and row + dr < rows and column - dc >= 0 and column + dc < columns:
-                    one, other = heights[row - dr, column - dc], heights[row + dr, column + dc]
-                    if abs(one - other) <= band:  # false for NaN
-                        closed[row, column] = (one + other) / 2
-                        break
+    for across in (heights, heights.T):
+        one, gap, other = across[:-2], across[1:-1], across[2:]
+        between = np.isnan(gap) & (np.abs(one - other) <= np.float32(BAND_M))  # false for NaN
+        into = closed if across is heights else closed.T
+        into[1:-1][between] = ((one + other) / 2)[between]
     return closed
 
 
@@ -171,14 +124,8 @@ def height_map(depth: np.ndarray, camera: Camera) -> HeightMap:
     DepthError says what is no image of the camera.
     """
     check_image(depth, camera)
-    kept = _agreeing(np.ascontiguousarray(depth, dtype=np.float32), np.float32(BAND_M), np.float32(AGREE))
-    T = np.ascontiguousarray(camera.T_world_camera, dtype=float)
-    M = T[:3] * np.array([[1 / CELL_M], [-1 / CELL_M], [1]])
-    M[:, 3] += SHAPE[1] / 2, SHAPE[0] / 2, 0
-    slopes, lowest = camera.slopes().reshape(-1, 2), np.float32(-BEHIND_M)
-    by_cell, starts = _scatter(kept.reshape(-1), slopes, M.astype(np.float32), SHAPE, lowest)
-    focal2 = camera.K[0] * camera.K[1]
-    heights = _closed(_heights(by_cell, starts, T, focal2, SHAPE, CELL_M, SUPPORT, BAND_M), BAND_M)
+    kept = _agreeing(np.asarray(depth, dtype=np.float32))
+    heights = _closed(_heights(*_points(kept, camera), camera))
     seen = ~np.isnan(heights)
     return HeightMap(np.where(seen, heights, np.float32(0)), seen)
 

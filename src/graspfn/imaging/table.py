@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from graspfn.imaging.camera import NEAR_M, Camera
@@ -40,69 +39,44 @@ class TableFit:
     rms_m: float
 
 
-@numba.njit
-def _points(depth, slopes, step):  # type: ignore[no-untyped-def]
-    """(3, K) points in camera axes, of the measured among every step-th pixel of every step-th row."""
-    height, width = depth.shape
-    points = np.empty((3, ((height + step - 1) // step) * ((width + step - 1) // step)), np.float32)
-    k = 0
-    for row in range(0, height, step):
-        for column in range(0, width, step):
-            z = depth[row, column]
-            if z >= NEAR_M and z < np.inf:
-                points[0, k] = z * slopes[row, column, 0]
-                points[1, k] = z * slopes[row, column, 1]
-                points[2, k] = z
-                k += 1
-    return points[:, :k].copy()
+def _points(depth: np.ndarray, slopes: np.ndarray, step: int) -> np.ndarray:
+    """(3, K) float32 points in camera axes, of the measured among every step-th pixel of every step-th row."""
+    z, slopes = depth[::step, ::step], slopes[::step, ::step]
+    measured = (z >= NEAR_M) & (z < np.inf)
+    z, slopes = z[measured], slopes[measured]
+    return np.stack([z * slopes[:, 0], z * slopes[:, 1], z])
 
 
-@numba.njit
-def _best_plane(points, planes, near, under0, under1):  # type: ignore[no-untyped-def]
-    """Of planes (D, 4) float32 the one with most table on it; all 0 where none has any. points: (3, K) float32.
+def _along(n: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """n x of points (3, K), n (3,) or (3, D, 1); term by term, since a product of matrices rounds as the machine does."""
+    return n[0] * points[0] + n[1] * points[1] + n[2] * points[2]
+
+
+def _best_plane(points: np.ndarray, planes: np.ndarray) -> np.ndarray | None:
+    """Of planes (D, 4) float32 the one with most table on it; None where none has any. points: (3, K) float32.
 
     A point counts as the square of its depth, the area that its pixel covers; one under the plane counts against it.
     """
-    x, y, z = points
-    best, best_score = np.zeros(4, np.float32), np.float32(0)
-    for i in range(len(planes)):
-        nx, ny, nz, d = planes[i]
-        score = np.float32(0)
-        for j in range(x.size):
-            above = nx * x[j] + ny * y[j] + nz * z[j] - d
-            counts = np.float32(abs(above) < near) - np.float32((above < -under0) & (above > -under1))
-            score += counts * z[j] * z[j]
-        if score > best_score:
-            best, best_score = planes[i], score
-    return best
+    above = _along(planes.T[:3, :, None], points) - planes[:, 3, None]
+    near, under, deep = (np.float32(m) for m in (NEAR_PLANE_M, *UNDER_M))
+    counts = (np.abs(above) < near).astype(np.float32) - ((above < -under) & (above > -deep))
+    scores = np.sum(counts * points[2] ** 2, axis=1)
+    return planes[scores.argmax()] if scores.max(initial=0) > 0 else None
 
 
-@numba.njit
-def _moments(points, T, band, wide):  # type: ignore[no-untyped-def]
+def _moments(points: np.ndarray, T: np.ndarray, band: float) -> np.ndarray:
     """Sums over the points within `band` of the plane z = 0 of frame T (4, 4): of 1, x, y, h, xx, xy, yy, xh, yh, hh.
 
-    Then the number and the sum of hh of those at most `wide` under it, where no object is: the spread of the table.
+    Then the number and the sum of hh of those at most MOST_BAND_M under it, where no object is: the spread of the table.
     """
-    one = sx = sy = sh = sxx = sxy = syy = sxh = syh = shh = under = squares = 0.0
-    for j in range(points.shape[1]):
-        p, q, r = points[0, j], points[1, j], points[2, j]
-        h = T[2, 0] * p + T[2, 1] * q + T[2, 2] * r + T[2, 3]
-        x = T[0, 0] * p + T[0, 1] * q + T[0, 2] * r
-        y = T[1, 0] * p + T[1, 1] * q + T[1, 2] * r
-        w, low = np.float64(abs(h) <= band), np.float64((h < 0) & (h >= -wide))
-        one += w
-        sx += w * x
-        sy += w * y
-        sh += w * h
-        sxx += w * x * x
-        sxy += w * x * y
-        syy += w * y * y
-        sxh += w * x * h
-        syh += w * y * h
-        shh += w * h * h
-        under += low
-        squares += low * h * h
-    return np.array([one, sx, sy, sh, sxx, sxy, syy, sxh, syh, shh, under, squares])
+    h = _along(T[2, :3], points) + T[2, 3]
+    near, under = np.flatnonzero(np.abs(h) <= band), h[(h < 0) & (h >= -MOST_BAND_M)]
+    h, points = h[near], points.take(near, axis=1)
+    x, y = _along(T[0, :3], points), _along(T[1, :3], points)
+    return np.array(
+        [h.size, *(np.sum(each) for each in (x, y, h, x * x, x * y, y * y, x * h, y * h, h * h)), under.size]
+        + [np.sum(under * under)]
+    )
 
 
 def _planes(points: np.ndarray) -> np.ndarray:
@@ -128,11 +102,11 @@ def _turn_to_z(n: np.ndarray) -> np.ndarray:
 def _refined(points: np.ndarray, plane: np.ndarray) -> tuple[np.ndarray, float, float]:
     """Normal and offset (4,) of the least-squares plane in a narrowing band, the share of points in it, their rms."""
     T = np.eye(4)
-    n = plane[:3].astype(float)
+    n, points = plane[:3].astype(float), points.astype(float)
     T[:3, :3], T[2, 3] = _turn_to_z(n / np.linalg.norm(n)), -plane[3]
     band, rounds = BANDS_M[0], (*BANDS_M[1:], None, None, None)
     for following in rounds:
-        sums = _moments(points, T, band, MOST_BAND_M)
+        sums = _moments(points, T, band)
         if sums[0] < FEWEST:
             break
         one, x, y, h, xx, xy, yy, xh, yh = sums[:9]
@@ -143,7 +117,7 @@ def _refined(points: np.ndarray, plane: np.ndarray) -> tuple[np.ndarray, float, 
         T = step @ T
         spread = np.sqrt(sums[11] / max(sums[10], 1))
         band = following or float(np.clip(3 * spread, LEAST_BAND_M, MOST_BAND_M))
-    sums = _moments(points, T, band, MOST_BAND_M)
+    sums = _moments(points, T, band)
     return np.append(T[2, :3], -T[2, 3]), float(sums[0] / points.shape[1]), float(np.sqrt(sums[9] / max(sums[0], 1)))
 
 
@@ -159,11 +133,11 @@ def find_plane(depth: np.ndarray, camera: Camera, offset_m: float) -> tuple[np.n
     if count < FEWEST:
         raise TableError(f"depth image: {count} of the pixels looked at hold a depth; a table takes {FEWEST}")
     sparse = np.ascontiguousarray(points[:, :: max(1, count // SPARSE)])
-    planes, near = _planes(sparse), [np.float32(m) for m in (NEAR_PLANE_M, *UNDER_M)]
+    planes = _planes(sparse)
     expected = np.abs(planes[:, 3] + camera.position[2]) <= offset_m
     for some in (planes[expected], planes[~expected]):
-        plane = _best_plane(sparse, some, *near)
-        if plane.any():
+        plane = _best_plane(sparse, some)
+        if plane is not None:
             return _refined(points, plane)
     raise TableError("depth image: no plane in it that could be a table")
 
