@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import functools
 
-import numba
 import numpy as np
 from scipy import fft
 from scipy.special import ndtr
@@ -23,6 +22,7 @@ STRIPS_A_CELL = 3.0
 FEWEST, MOST, MOST_OF_ONE = 24, 128, 1024  # strips along an axis; the last where the other axis is certain
 CERTAIN = 1e-4  # cells: a micrometre
 ANGLES = 24  # per cell of theta: it turns between them as if scores were linear there, which they are where s is 0
+AT_ONCE = 1 << 15  # errors, of several poses: as many as stay in a cache
 FEW = 6  # poses for which it does not pay to smooth all of f along theta
 N_V, N_U, N_THETA = grid.SHAPE
 FFT_AXES = (2, 0, 1)
@@ -63,59 +63,59 @@ def _errors(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     return np.column_stack([errors, turns])[inside], weights[inside], float(rest)
 
 
-@numba.njit(error_model="numpy")
-def _deposit(errors, weights, over_theta, at, shape):  # type: ignore[no-untyped-def]
+def _deposit(
+    errors: np.ndarray, weights: np.ndarray, over_theta: np.ndarray, at: np.ndarray, shape: tuple[int, int]
+) -> np.ndarray:
     """(shape, 6) weight of each vertex for a pose at index `at` (3,), theta of it and of errors (N, 3) in [0, 6).
 
     over_theta: (6 ANGLES + 1, 6) weights of the vertices at angles.
     """
     n_v, n_u = shape
-    angles = len(over_theta) - 1
-    total = np.zeros((n_v, n_u, 6))
-    for i in range(len(weights)):
-        v, u = at[0] + errors[i, 0], at[1] + errors[i, 1]
-        if v <= -1 or u <= -1 or v >= n_v or u >= n_u:
-            continue
-        theta = (at[2] + errors[i, 2]) * (angles / 6)
-        if theta >= angles:
-            theta -= angles
-        row, column, angle = int(np.floor(v)), int(np.floor(u)), min(int(theta), angles - 1)
-        dv, du, turn = v - row, u - column, theta - angle
-        for a in range(2):
-            for b in range(2):
-                if 0 <= row + a < n_v and 0 <= column + b < n_u:
-                    weight = weights[i] * (dv if a else 1 - dv) * (du if b else 1 - du)
-                    for k in range(6):
-                        share = (1 - turn) * over_theta[angle, k] + turn * over_theta[angle + 1, k]
-                        total[row + a, column + b, k] += weight * share
-    return total
+    index = errors + at
+    inside = ((index[:, :2] > -1) & (index[:, :2] < shape)).all(axis=1)
+    (row, dv), (column, du), (angle, turn) = _cells(index[inside], len(over_theta) - 1)
+    along = weights[inside, None] * ((1 - turn)[:, None] * over_theta[angle] + turn[:, None] * over_theta[angle + 1])
+    total = np.zeros((n_v + 2) * (n_u + 2) * N_THETA)
+    first = ((row + 1) * (n_u + 2) + column + 1)[:, None] * N_THETA + np.arange(N_THETA)
+    for across, share in ((0, 1 - du), (N_THETA, du)):
+        for down, of_it in ((0, 1 - dv), ((n_u + 2) * N_THETA, dv)):
+            vertex = (first + (down + across)).ravel()
+            total += np.bincount(vertex, ((share * of_it)[:, None] * along).ravel(), minlength=len(total))
+    return total.reshape(n_v + 2, n_u + 2, N_THETA)[1:-1, 1:-1]
 
 
-@numba.njit(error_model="numpy")
-def _means(padded, errors, weights, at):  # type: ignore[no-untyped-def]
+def _cells(index: np.ndarray, angles: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Of indices (..., 3), theta of them in [0, 12), the vertices below and how far beyond; of theta among `angles`."""
+    v, u, theta = np.moveaxis(index, -1, 0)
+    theta = theta * (angles / N_THETA) % angles
+    return [(low := np.floor(x).astype(np.intp), x - low) for x in (v, u, theta)]
+
+
+def _means(padded: np.ndarray, errors: np.ndarray, weights: np.ndarray, at: np.ndarray) -> np.ndarray:
     """(P,) weighted means over errors (N, 3) about indices at (P, 3), theta of both in [0, 6).
 
-    padded: (35, 46, 6 ANGLES + 1), a 0 all round.
+    padded: (36, 47, 6 ANGLES + 1), zeros all round, two of them at the upper ends.
     """
-    n_v, n_u, angles = padded.shape
-    angles -= 1
-    means = np.zeros(len(at))
-    for p in range(len(at)):
-        for i in range(len(weights)):
-            v, u = at[p, 0] + errors[i, 0] + 1, at[p, 1] + errors[i, 1] + 1
-            if v <= 0 or u <= 0 or v >= n_v - 1 or u >= n_u - 1:
-                continue
-            theta = (at[p, 2] + errors[i, 2]) * (angles / 6)
-            if theta >= angles:
-                theta -= angles
-            row, column, angle = int(v), int(u), min(int(theta), angles - 1)
-            dv, du, turn = v - row, u - column, theta - angle
-            near = (1 - turn) * padded[row, column, angle] + turn * padded[row, column, angle + 1]
-            right = (1 - turn) * padded[row, column + 1, angle] + turn * padded[row, column + 1, angle + 1]
-            below = (1 - turn) * padded[row + 1, column, angle] + turn * padded[row + 1, column, angle + 1]
-            across = (1 - turn) * padded[row + 1, column + 1, angle] + turn * padded[row + 1, column + 1, angle + 1]
-            means[p] += weights[i] * ((1 - dv) * ((1 - du) * near + du * right) + dv * ((1 - du) * below + du * across))
+    n_v, n_u, n_angles = padded.shape
+    some = max(1, AT_ONCE // len(weights))
+    means = np.empty(len(at))
+    for start in range(0, len(at), some):
+        index = at[start : start + some, None] + errors
+        index[..., :2] = (index[..., :2] + 1).clip(0, [n_v - 2, n_u - 2])  # what is further out has no score either
+        (row, dv), (column, du), (angle, turn) = _cells(index, n_angles - 1)
+        first = (row * n_u + column) * n_angles + angle
+        near, right, below, across = (
+            _between(padded.take(first + step), padded.take(first + step + 1), turn)
+            for step in (0, n_angles, n_u * n_angles, (n_u + 1) * n_angles)
+        )
+        means[start : start + some] = np.sum(
+            _between(_between(near, right, du), _between(below, across, du), dv) * weights, axis=1
+        )
     return means
+
+
+def _between(one: np.ndarray, other: np.ndarray, share: np.ndarray) -> np.ndarray:
+    return one + share * (other - one)
 
 
 class Coupled:
@@ -128,8 +128,8 @@ class Coupled:
 
     @functools.cached_property
     def _padded(self) -> np.ndarray:
-        """(35, 46, 6 ANGLES + 1): f smoothed with what is left of theta, a 0 all round."""
-        return np.pad(self.f @ self._over_theta.T, ((1, 1), (1, 1), (0, 0)))
+        """(36, 47, 6 ANGLES + 1): f smoothed with what is left of theta, zeros all round."""
+        return np.pad(self.f @ self._over_theta.T, ((1, 2), (1, 2), (0, 0)))
 
     @functools.cached_property
     def _spectrum(self) -> np.ndarray:
