@@ -10,8 +10,9 @@ from graspfn.imaging.camera import Camera
 from graspfn.imaging.network_input import network_input
 from graspfn.imaging.noise import observe
 from graspfn.learning.device import pick_device
+from graspfn.learning.folder import input_kind
 from graspfn.learning.prediction import predict_both
-from graspfn.learning.weights import input_kind, load_network
+from graspfn.learning.weights import load_network
 from graspfn.params import Declared
 from graspfn.workflow.files import write_npz
 from graspfn.workflow.stage import stage

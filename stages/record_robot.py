@@ -11,7 +11,8 @@ from graspfn.evaluation.planner import Planner
 from graspfn.imaging.camera import Camera
 from graspfn.imaging.renderers import renderer
 from graspfn.learning.device import pick_device
-from graspfn.learning.weights import input_kind, load_network
+from graspfn.learning.folder import input_kind
+from graspfn.learning.weights import load_network
 from graspfn.params import Declared
 from graspfn.physics.world import Rig
 from graspfn.robot.gantry import Gantry

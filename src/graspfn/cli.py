@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from graspfn.commands.check import check
+from graspfn.commands.ending import BAD_INPUT
 from graspfn.commands.label import label
 from graspfn.commands.logs import logs
 from graspfn.commands.model import model
@@ -39,4 +40,10 @@ app.add_typer(model, name="model")
 
 
 def main() -> None:
-    app()
+    try:
+        app()
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] == __package__:
+            raise
+        typer.echo(f"{error.name}: not installed; it takes graspfn[workflow], and that Python 3.11", err=True)
+        raise SystemExit(BAD_INPUT) from None

@@ -13,7 +13,8 @@ import pandas as pd
 
 from graspfn.evaluation.planner import Planner
 from graspfn.imaging.camera import Camera
-from graspfn.learning.weights import input_kind, load_network
+from graspfn.learning.folder import input_kind
+from graspfn.learning.weights import load_network
 from graspfn.params import Arm, Params, Topics
 from graspfn.reporting import tables
 from graspfn.reporting.figures.failed_trial import draw_failed_trial

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import importlib.util
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -23,6 +24,8 @@ def check() -> None:
 
 def problems() -> list[str]:
     """What is wrong with params.yaml and which system libraries are missing."""
+    if importlib.util.find_spec("dartpy") is None:
+        return ["dartpy: not installed; it takes graspfn[workflow], and that Python 3.11"]
     found = []
     libraries = [DART_LIBRARY]
     try:

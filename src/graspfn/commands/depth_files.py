@@ -17,12 +17,14 @@ SUFFIXES = (".png", ".tif", ".tiff", ".npy", ".pcd", ".mcap")
 NEAREST_M, FURTHEST_M = 0.1, 3.0
 
 
-class Unit(enum.StrEnum):
+class Unit(str, enum.Enum):
     """Of the numbers in a depth image."""
 
     MM = "mm"
     TENTH_MM = "0.1mm"
     M = "m"
+
+    __str__ = str.__str__  # Python 3.10 has no StrEnum
 
     @property
     def metres(self) -> float:

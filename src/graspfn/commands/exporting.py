@@ -14,13 +14,15 @@ from typing import Any
 
 from graspfn.commands.card import card
 from graspfn.commands.ending import InputError
-from graspfn.learning.weights import read_config
+from graspfn.learning.folder import read_config, read_network
+from graspfn.learning.onnx_file import write_onnx
+from graspfn.learning.weights import load_network
 from graspfn.params import ParameterError, read_yaml
-from graspfn.planning.model import FEWEST_PX, FORMAT, GRID
+from graspfn.planning.model import FEWEST_PX, FORMAT, GRID, NETWORK
 from graspfn.planning.planner import GraspPlanner
 from graspfn.workflow.files import atomic
 
-WEIGHTS, CONFIG, CARD = "weights.safetensors", "config.json", "README.md"
+WEIGHTS, CONFIG, CARD = "weights.safetensors", "config.json", "README.md"  # beside network.onnx
 NETWORKS, FUNCTIONS, TRIALS = Path("data/networks"), Path("data/functions"), "data/trials.parquet"
 METRICS, LOCK = Path("reports/metrics.json"), Path("dvc.lock")
 LICENCE, OURS = "MIT", "procedural"  # the code's own, and the meshes that it makes
@@ -40,9 +42,13 @@ def export_model(out: Path, run: str | None, licence: str | None) -> str:
         if licence is None and source != OURS:
             raise InputError(f"--licence: missing; the network was trained on meshes of {source}, which have their own")
         config = _config(run, read_config(folder), ran, _metrics(lock, run), licence or LICENCE)
+        config["name"] = out.resolve().name
         out.mkdir(parents=True, exist_ok=True)
         with atomic(out / WEIGHTS) as temporary:
             shutil.copyfile(folder / WEIGHTS, temporary)
+        with atomic(out / NETWORK) as temporary:
+            write_onnx(temporary, load_network(folder), read_network(folder).channels)
+        config["onnx_sha256"] = hashlib.sha256((out / NETWORK).read_bytes()).hexdigest()
         with atomic(out / CONFIG) as temporary:
             temporary.write_text(json.dumps(config, indent=2) + "\n", encoding="utf-8")
         with atomic(out / CARD) as temporary:
@@ -86,6 +92,7 @@ def _ran(lock: dict[str, Any], run: str) -> dict[str, Any]:
             raise InputError(f"{LOCK}: says nothing of stage {stage}; dvc repro")
         ran |= lock[stage].get("params", {}).get("params.yaml", {})
     ran |= lock["evaluate"]["params"]["params.yaml"] if "evaluate" in lock else {}
+    ran["scale"] = lock.get("report", {}).get("params", {}).get("params.yaml", {}).get("scale")
     outs = _files(lock, f"train@{run}", "outs")
     missing = [key for key in ("table", "plan", "gripper", "physics") if key not in ran]
     if missing:
@@ -134,10 +141,12 @@ def _config(
     run: str, network: dict[str, Any], ran: dict[str, Any], metrics: dict[str, Any] | None, licence: str
 ) -> dict[str, Any]:
     seen = {"fewest_px": FEWEST_PX, "max_tilt_deg": ran["table"]["max_tilt_deg"], "trained_with": ran["camera"]}
-    training = {key: ran[key] for key in ("meshes", "settle", "label", "attempt", "augment", "train") if key in ran}
+    training = {
+        key: ran[key] for key in ("scale", "meshes", "settle", "label", "attempt", "augment", "train") if key in ran
+    }
     return {
         "format": FORMAT,
-        "name": run,
+        "run": run,
         "licence": licence,
         "network": {"input": "depth"} | network["network"],
         "grid": GRID,

@@ -17,7 +17,7 @@ def plan(
         list[Path], typer.Argument(metavar="IMAGE...", help="Depth images: .png (16 bit) .tiff .npy .pcd .mcap")
     ],
     model: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="A model's folder; `graspfn model export` makes one.")
+        Path | None, typer.Option(metavar="DIR", help="A model's folder; mico-fcn, which comes with graspfn, if not given.")
     ] = None,
     camera: Annotated[
         Path | None, typer.Option(metavar="FILE", help="CameraInfo in YAML; not needed for .pcd and .mcap.")
@@ -58,7 +58,7 @@ def plan(
 ) -> None:
     """Plan a grasp on a depth image. Ends with 0 for a grasp, 3 for none, 2 for bad input.
 
-    For example: graspfn plan mug.png --model models/fcn --camera camera_info.yaml --sigma-uv-mm 5 --sigma-theta-deg 10
+    For example: graspfn plan mug.png --camera camera_info.yaml --sigma-uv-mm 5 --sigma-theta-deg 10
     """
     from graspfn.commands import planned  # what plans is slow to import
 

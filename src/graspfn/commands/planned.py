@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 import json
 import math
 from collections.abc import Callable
@@ -21,10 +20,11 @@ from graspfn.commands.ending import BAD_INPUT, NO_GRASP, InputError
 from graspfn.imaging.camera import Camera
 from graspfn.imaging.holes import DepthError
 from graspfn.params import ParameterError, check_pose
+from graspfn.planning.model import DEFAULT
 from graspfn.planning.planner import Grasp, GraspPlanner, Method, NoGrasp
 from graspfn.planning.uncertainty import PlanningError, PoseUncertainty
 
-Choice = TypeVar("Choice", bound=enum.StrEnum)
+Choice = TypeVar("Choice", Unit, Method)
 CameraOf = Callable[[Path, tuple[int, int], Camera | None], Camera]
 
 
@@ -102,10 +102,9 @@ def _draw(out: Path, path: Path, depth: np.ndarray, found: Grasp | NoGrasp, open
 
 
 def checked_model(folder: Path | None) -> tuple[Path, GraspPlanner]:
-    if folder is None:
-        raise InputError("--model: missing; it takes a folder that `graspfn model export` has written")
+    """With the name by which answers call it."""
     try:
-        return folder, GraspPlanner.load(folder)
+        return folder or Path(DEFAULT.name), GraspPlanner.load(folder or DEFAULT)
     except ValueError as error:  # ModelError, WeightsError, ParameterError
         raise InputError(f"--model {folder}: {error}") from None
 

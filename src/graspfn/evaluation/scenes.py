@@ -10,7 +10,8 @@ import numpy as np
 
 from graspfn.evaluation.objects import PlacedObjects
 from graspfn.evaluation.robustness import Case, Conditions, Trained
-from graspfn.learning.weights import input_kind, load_network
+from graspfn.learning.folder import input_kind
+from graspfn.learning.weights import load_network
 
 EMPTY = tuple(f"empty table {i}" for i in range(5))  # each with its own noise
 

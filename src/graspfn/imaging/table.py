@@ -48,7 +48,7 @@ def _points(depth: np.ndarray, slopes: np.ndarray, step: int) -> np.ndarray:
 
 
 def _along(n: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """n x of points (3, K), n (3,) or (3, D, 1); term by term, since a product of matrices rounds as the machine does."""
+    """n x of points (3, K), n (3,) or (3, D, 1); term by term: products of matrices round as the machine does."""
     return n[0] * points[0] + n[1] * points[1] + n[2] * points[2]
 
 
@@ -67,16 +67,14 @@ def _best_plane(points: np.ndarray, planes: np.ndarray) -> np.ndarray | None:
 def _moments(points: np.ndarray, T: np.ndarray, band: float) -> np.ndarray:
     """Sums over the points within `band` of the plane z = 0 of frame T (4, 4): of 1, x, y, h, xx, xy, yy, xh, yh, hh.
 
-    Then the number and the sum of hh of those at most MOST_BAND_M under it, where no object is: the spread of the table.
+    Then the number and the sum of hh of those at most MOST_BAND_M under it, where no object is: the table's spread.
     """
     h = _along(T[2, :3], points) + T[2, 3]
     near, under = np.flatnonzero(np.abs(h) <= band), h[(h < 0) & (h >= -MOST_BAND_M)]
     h, points = h[near], points.take(near, axis=1)
     x, y = _along(T[0, :3], points), _along(T[1, :3], points)
-    return np.array(
-        [h.size, *(np.sum(each) for each in (x, y, h, x * x, x * y, y * y, x * h, y * h, h * h)), under.size]
-        + [np.sum(under * under)]
-    )
+    summed = (x, y, h, x * x, x * y, y * y, x * h, y * h, h * h)
+    return np.array([h.size, *(np.sum(each) for each in summed), under.size, np.sum(under * under)])
 
 
 def _planes(points: np.ndarray) -> np.ndarray:

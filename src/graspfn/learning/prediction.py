@@ -26,6 +26,12 @@ def predict(network: GraspNetwork, inputs: np.ndarray, device: torch.device | No
     return predict_both(network, inputs, device)[0]
 
 
+def expected_scores(logits: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """logits (..., 6) -> scores (...) and likeliest classes (...) uint8."""
+    values = torch.linspace(0, 1, CLASSES, device=logits.device)
+    return logits.softmax(dim=-1) @ values, logits.argmax(dim=-1).to(torch.uint8)
+
+
 def predict_both(
     network: GraspNetwork, inputs: np.ndarray, device: torch.device | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -34,14 +40,12 @@ def predict_both(
     device = device or torch.device("cpu")
     network = network.to(device).eval()
     inputs = inputs if inputs.ndim == 4 else inputs[:, None]
-    values = torch.linspace(0, 1, CLASSES, device=device)
 
     def batch_of(start: int) -> tuple[np.ndarray, np.ndarray]:
         batch = torch.from_numpy(np.ascontiguousarray(inputs[start : start + BATCH], dtype=np.float32))
         with torch.inference_mode():
-            logits = network(batch.to(device))
-            scores = (logits.softmax(dim=-1) @ values).cpu().numpy()
-            return scores, logits.argmax(dim=-1).to(torch.uint8).cpu().numpy()
+            scores, likeliest = expected_scores(network(batch.to(device)))
+            return scores.cpu().numpy(), likeliest.cpu().numpy()
 
     # Whole batches side by side, a thread each: threads that share a sum would show in its last bits.
     with torch_threads(1), ThreadPoolExecutor(cores() if device.type == "cpu" else 1) as threads:

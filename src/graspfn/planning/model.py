@@ -1,4 +1,4 @@
-"""A model's folder: weights, and in config.json all that has to be known to plan with them."""
+"""A model's folder: a network, and in config.json all that has to be known to plan with them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import Any
 
 from graspfn.geometry import grid
 
+NETWORK = "network.onnx"
+DEFAULT = Path(__file__).parents[1] / "models" / "mico-fcn"  # comes with the package
 FORMAT = 1  # of config.json; a newer one may say what this code does not know of
 GRID = {"shape": list(grid.SHAPE), "cell_m": grid.CELL_M, "cell_rad": grid.CELL_RAD}
 # Pixels a side that see a cell of the height map (2.5 mm). Training cameras have 3.5, a D435 at 45 cm 2.5, an Azure
@@ -31,3 +33,5 @@ def check_model(config: dict[str, Any], folder: Path) -> None:
     fewest = config["camera"].get("fewest_px") if isinstance(config.get("camera"), dict) else None
     if not isinstance(fewest, int | float) or not fewest > 0:
         raise ModelError(f"{path}: camera.fewest_px: takes a number above 0, not {fewest!r}")
+    if not isinstance(config.get("onnx_sha256"), str):
+        raise ModelError(f"{path}: onnx_sha256: takes the sha256 of {NETWORK}, not {config.get('onnx_sha256')!r}")

@@ -21,21 +21,25 @@ from graspfn.imaging.height_map import CELL_M, HeightMap, height_map
 from graspfn.imaging.holes import check_image, fill_holes
 from graspfn.imaging.network_input import check_papers, depth_input, height_map_input
 from graspfn.imaging.table import TableError, TableFit, fit_table
+from graspfn.learning.folder import read_config, read_network
 from graspfn.params import Gripper, Plan, Table, build
 from graspfn.planning.centroid import centroid_grasp, object_mask
 from graspfn.planning.methods import best_grasp
-from graspfn.planning.model import FEWEST_PX, check_model
+from graspfn.planning.model import DEFAULT, FEWEST_PX, check_model
 from graspfn.planning.objects import meets, whole_object
+from graspfn.planning.onnx_network import OnnxNetwork
 from graspfn.planning.robust import RobustFunction
 from graspfn.planning.uncertainty import PlanningError, PoseUncertainty
 
 
-class Method(enum.StrEnum):
+class Method(str, enum.Enum):
     """How a pose is chosen (paper VII-A)."""
 
     ROBUST = "robust"
     BEST = "best"
     CENTROID = "centroid"
+
+    __str__ = str.__str__  # Python 3.10 has no StrEnum
 
 
 class Predictor(Protocol):
@@ -97,24 +101,37 @@ class GraspPlanner:
 
     @classmethod
     def load(
-        cls, model: Path, gripper: Gripper | None = None, table: Table | None = None, plan: Plan | None = None
+        cls,
+        model: Path = DEFAULT,
+        gripper: Gripper | None = None,
+        table: Table | None = None,
+        plan: Plan | None = None,
+        threads: int = 1,
     ) -> GraspPlanner:
         """With the network in a model's folder, and what its config.json says of the rest unless it is given here.
 
-        A folder of data/networks will do where gripper, table and plan are given. WeightsError, ModelError or
-        ParameterError, in one line that names the file, where the folder is none.
+        threads: that the network takes for an image. A folder of data/networks will do where gripper, table and plan
+        are given; torch runs it. WeightsError, ModelError or ParameterError, in one line that names the file, where the
+        folder is none.
         """
-        from graspfn.learning.prediction import OneByOne  # torch takes a second to load
-        from graspfn.learning.weights import input_kind, load_network, read_config
-
         config = read_config(model)
-        if "format" in config or gripper is None or table is None or plan is None:
+        exported = "format" in config or gripper is None or table is None or plan is None
+        if exported:
             check_model(config, model)
         gripper = gripper or build(Gripper, config.get("gripper"), f"{model}/config.json: gripper")
         table = table or build(Table, config.get("table"), f"{model}/config.json: table")
         plan = plan or build(Plan, config.get("plan"), f"{model}/config.json: plan")
         fewest_px = config.get("camera", {}).get("fewest_px", FEWEST_PX)
-        return cls(OneByOne(load_network(model)), input_kind(model), gripper, table, plan, fewest_px)
+        network = read_network(model)
+        predict: Predictor
+        if exported:
+            predict = OnnxNetwork(model, network.channels, config["onnx_sha256"], threads)
+        else:
+            from graspfn.learning.prediction import OneByOne  # torch, which planning with a model does without
+            from graspfn.learning.weights import load_network
+
+            predict = OneByOne(load_network(model))
+        return cls(predict, network.input, gripper, table, plan, fewest_px)
 
     def plan(
         self,
