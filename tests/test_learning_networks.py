@@ -8,9 +8,10 @@ import pytest
 import torch
 from safetensors.torch import load_file, save_file
 
+from graspfn.learning.folder import WeightsError, input_kind
 from graspfn.learning.networks import Classifier, build_network
 from graspfn.learning.prediction import predict
-from graspfn.learning.weights import WeightsError, input_kind, load_network, save_network
+from graspfn.learning.weights import load_network, save_network
 from graspfn.params import AlexNet, Network
 
 PARAMS = {

@@ -61,7 +61,7 @@ def run(tmp_path, monkeypatch) -> Path:
         "train@fcn-0": stage("camera noise train", outs=[weights]),
         "predict@fcn-0": stage("table", outs=["data/functions/fcn-0.npz"], deps=["data/networks/fcn-0"]),
         "evaluate": stage("plan", deps=["data/functions"]),
-        "report": stage(outs=["reports/metrics.json"]),
+        "report": stage("scale", outs=["reports/metrics.json"]),
     }
     Path("dvc.lock").write_text(yaml.safe_dump({"stages": stages}))
     return tmp_path
@@ -78,15 +78,18 @@ def config() -> dict:
 def test_a_model_says_all_it_needs_to_be_used_right(run):
     result = export()
     assert (result.exit_code, result.stdout) == (0, "out: a model of fcn-0\n"), result.output
-    assert {path.name for path in Path("out").iterdir()} == {"weights.safetensors", "config.json", "README.md"}
+    files = {"network.onnx", "weights.safetensors", "config.json", "README.md"}
+    assert {path.name for path in Path("out").iterdir()} == files
     planner = GraspPlanner.load(Path("out"))
     assert (planner.gripper, planner.table, planner.refinement) == (PARAMS.gripper, PARAMS.table, PARAMS.plan)
     said = config()
     assert said["metrics"]["robust"] == SUCCESS and said["metrics"]["test_objects"] == 84
     assert {"licence", "noise", "physics", "versions", "network", "grid"} <= set(said)
+    assert (said["name"], said["run"], said["training"]["scale"]) == ("out", "fcn-0", PARAMS.scale)
     assert said["training"]["seed"] == PARAMS.seed and said["training"]["meshes"]["train"] == PARAMS.meshes.train
     card = Path("out/README.md").read_text()
     assert "| robust | 0.610 | 0.550 to 0.660 |" in card and "opens 100 mm" in card and "## When not to use it" in card
+    assert f"Scale `{PARAMS.scale}` of the workflow" in card
     assert "{" not in card
 
 

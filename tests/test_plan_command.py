@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 import yaml
+from made_models import save_model
 from mcap_ros2.writer import Writer
 from physics_params import PARAMS
 from PIL import Image
@@ -21,8 +21,7 @@ from typer.testing import CliRunner
 from graspfn.cli import app
 from graspfn.imaging.camera import straight_down
 from graspfn.learning.networks import GraspNetwork, build_network
-from graspfn.learning.weights import save_network
-from graspfn.planning.model import FEWEST_PX, FORMAT, GRID
+from graspfn.planning.model import DEFAULT
 from graspfn.planning.planner import GraspPlanner
 from graspfn.planning.uncertainty import PoseUncertainty
 from graspfn.robot import messages
@@ -75,9 +74,7 @@ def network() -> GraspNetwork:
 @pytest.fixture
 def workplace(tmp_path, monkeypatch, network):
     monkeypatch.chdir(tmp_path)
-    notes = {name: dataclasses.asdict(getattr(PARAMS, name)) for name in ("gripper", "table", "plan")}
-    notes |= {"format": FORMAT, "grid": GRID, "camera": {"fewest_px": FEWEST_PX}}
-    save_network(tmp_path / "model", network, PARAMS.network["fcn"], **notes)
+    save_model(tmp_path / "model", network, PARAMS.network["fcn"])
     np.save("object.npy", DEPTH)
     np.save("empty.npy", EMPTY)
     return tmp_path
@@ -317,10 +314,16 @@ def test_what_is_missing_is_named(workplace):
     for options, says in (
         (["--model", "model", *PINHOLE], "--sigma-uv-mm: missing"),
         (["--model", "model", *PINHOLE, "--sigma-uv-mm", "5"], "--sigma-theta-deg: missing"),
-        ([*PINHOLE, *SIGMA], "--model: missing; it takes a folder that `graspfn model export`"),
     ):
         result = plan("object.npy", *options)
         assert result.exit_code == 2 and result.stderr.startswith(says)
+
+
+def test_without_a_model_it_is_the_one_that_comes_with_the_package(workplace):
+    told = planned("object.npy", *PINHOLE, *SIGMA)
+    assert told.pop("model") == "mico-fcn"
+    other = planned("object.npy", "--model", str(DEFAULT), *PINHOLE, *SIGMA)
+    assert other.pop("model") == str(DEFAULT) and other == told
 
 
 def test_a_recording_whose_topic_is_wrong_says_which_there_are(workplace):

@@ -19,7 +19,9 @@ def _model() -> None:
 
 @model.command()
 def export(
-    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write: network.onnx, weights, config.json, README.md.")],
+    out: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder to write: network.onnx, weights, config.json, README.md.")
+    ],
     network: Annotated[
         str | None, typer.Option(metavar="NAME-SEED", help="Of data/networks; the best by the report if not given.")
     ] = None,

@@ -17,7 +17,8 @@ def plan(
         list[Path], typer.Argument(metavar="IMAGE...", help="Depth images: .png (16 bit) .tiff .npy .pcd .mcap")
     ],
     model: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="A model's folder; mico-fcn, which comes with graspfn, if not given.")
+        Path | None,
+        typer.Option(metavar="DIR", help="A model's folder; mico-fcn, which comes with graspfn, if not given."),
     ] = None,
     camera: Annotated[
         Path | None, typer.Option(metavar="FILE", help="CameraInfo in YAML; not needed for .pcd and .mcap.")

@@ -66,7 +66,7 @@ def _points(depth: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     column, row, height = (depth * (m[0] * a + m[1] * b + m[2]) + m[3] for m in M.astype(np.float32))
     over = (row >= 0) & (row < SHAPE[0]) & (column >= 0) & (column < SHAPE[1])  # NaN is not
     over &= height >= np.float32(-BEHIND_M)
-    return row[over].astype(np.intp) * SHAPE[1] + column[over].astype(np.intp), height[over]
+    return (np.floor(row[over]) * SHAPE[1] + np.floor(column[over])).astype(np.intp), height[over]
 
 
 def _enough(highest: np.ndarray, points: np.ndarray, camera: Camera) -> np.ndarray:
