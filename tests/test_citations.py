@@ -140,7 +140,7 @@ def allowed(name: str) -> set[str]:
     parts = Path(name).parts
     if name in FILES:
         return FILES[name]
-    if parts[0] == "src" and len(parts) > 3:
+    if parts[0] == "src" and len(parts) > 3 and parts[2] != "models":
         own = ROOMS[parts[2]]
     elif parts[0] == "stages":
         own = STAGES[Path(name).stem]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -61,6 +62,7 @@ def plan(
 
     For example: graspfn plan mug.png --camera camera_info.yaml --sigma-uv-mm 5 --sigma-theta-deg 10
     """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small sums: threads would wait longer than they add
     from graspfn.commands import planned  # what plans is slow to import
 
     try:
