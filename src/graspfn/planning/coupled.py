@@ -22,7 +22,6 @@ STRIPS_A_CELL = 3.0
 FEWEST, MOST, MOST_OF_ONE = 24, 128, 1024  # strips along an axis; the last where the other axis is certain
 CERTAIN = 1e-4  # cells: a micrometre
 ANGLES = 24  # per cell of theta: it turns between them as if scores were linear there, which they are where s is 0
-AT_ONCE = 1 << 15  # errors, of several poses: as many as stay in a cache
 FEW = 6  # poses for which it does not pay to smooth all of f along theta
 N_V, N_U, N_THETA = grid.SHAPE
 FFT_AXES = (2, 0, 1)
@@ -94,28 +93,43 @@ def _cells(index: np.ndarray, angles: int) -> list[tuple[np.ndarray, np.ndarray]
 def _means(padded: np.ndarray, errors: np.ndarray, weights: np.ndarray, at: np.ndarray) -> np.ndarray:
     """(P,) weighted means over errors (N, 3) about indices at (P, 3), theta of both in [0, 6).
 
-    padded: (36, 47, 6 ANGLES + 1), zeros all round, two of them at the upper ends.
+    padded: (36, 47, 6 ANGLES) complex, zeros all round, two of them at the upper ends: a value, and how much the next
+    angle's is more. The neighbours of a pose share their v, u and theta, and so what errors make of each.
     """
     n_v, n_u, n_angles = padded.shape
-    some = max(1, AT_ONCE // len(weights))
-    means = np.empty(len(at))
-    for start in range(0, len(at), some):
-        index = at[start : start + some, None] + errors
-        index[..., :2] = (index[..., :2] + 1).clip(0, [n_v - 2, n_u - 2])  # what is further out has no score either
-        (row, dv), (column, du), (angle, turn) = _cells(index, n_angles - 1)
-        first = (row * n_u + column) * n_angles + angle
-        near, right, below, across = (
-            _between(padded.take(first + step), padded.take(first + step + 1), turn)
-            for step in (0, n_angles, n_u * n_angles, (n_u + 1) * n_angles)
-        )
-        means[start : start + some] = np.sum(
-            _between(_between(near, right, du), _between(below, across, du), dv) * weights, axis=1
-        )
-    return means
+    scores = padded.ravel()
+    step = np.array([0, n_angles, n_u * n_angles, (n_u + 1) * n_angles])[:, None]  # to the four vertices around
+
+    @functools.lru_cache(maxsize=64)
+    def along(axis: int, value: float) -> tuple[np.ndarray, np.ndarray]:
+        index = value + errors[:, axis]
+        if axis == 2:
+            index *= n_angles / N_THETA
+            index %= n_angles
+        else:
+            index = (index + 1).clip(0, (n_v, n_u)[axis] - 2)  # what is further out has no score either
+        low = np.floor(index).astype(np.intp)
+        return low, index - low
+
+    @functools.lru_cache(maxsize=16)  # a pose has nine
+    def around(v: float, u: float) -> tuple[np.ndarray, np.ndarray]:
+        (row, dv), (column, du) = along(0, v), along(1, u)
+        low, high = weights * (1 - dv), weights * dv
+        return (row * n_u + column) * n_angles + step, np.stack([low * (1 - du), low * du, high * (1 - du), high * du])
+
+    def mean(v: float, u: float, theta: float) -> float:
+        (first, share), (angle, turn) = around(v, u), along(2, theta)
+        found = scores.take(first + angle)
+        return float(np.sum(share * (found.real + turn * found.imag)))
+
+    return np.array([mean(*pose) for pose in at.tolist()])
 
 
-def _between(one: np.ndarray, other: np.ndarray, share: np.ndarray) -> np.ndarray:
-    return one + share * (other - one)
+def _turned(index: np.ndarray) -> np.ndarray:
+    """Indices (P, 3) with theta in [0, 6]."""
+    index = np.array(index, dtype=float)
+    index[:, 2] %= N_THETA
+    return index
 
 
 class Coupled:
@@ -128,8 +142,11 @@ class Coupled:
 
     @functools.cached_property
     def _padded(self) -> np.ndarray:
-        """(36, 47, 6 ANGLES + 1): f smoothed with what is left of theta, zeros all round."""
-        return np.pad(self.f @ self._over_theta.T, ((1, 2), (1, 2), (0, 0)))
+        """(36, 47, 6 ANGLES) complex: f smoothed with what is left of theta and its steps, zeros all round."""
+        smoothed = self.f @ self._over_theta.T
+        padded = np.zeros((N_V + 3, N_U + 3, N_THETA * ANGLES), dtype=complex)
+        padded.real[1:-2, 1:-2], padded.imag[1:-2, 1:-2] = smoothed[..., :-1], np.diff(smoothed)
+        return padded
 
     @functools.cached_property
     def _spectrum(self) -> np.ndarray:
@@ -166,9 +183,9 @@ class Coupled:
 
     def at_index(self, index: np.ndarray) -> np.ndarray:
         """(P,) at grid coordinates (P, 3) in (v, u, theta)."""
-        index = np.array(index, dtype=float)
-        index[:, 2] %= N_THETA
-        if len(index) < FEW:
-            kernels = (_deposit(self._errors, self._weights, self._over_theta, at, (N_V, N_U)) for at in index)
-            return np.array([np.vdot(kernel, self.f) for kernel in kernels])
-        return _means(self._padded, self._errors, self._weights, index)
+        return _means(self._padded, self._errors, self._weights, _turned(index))
+
+    def at_few(self, index: np.ndarray) -> np.ndarray:
+        """The same, for so few poses that it does not pay to smooth all of f along theta."""
+        kernels = (_deposit(self._errors, self._weights, self._over_theta, at, (N_V, N_U)) for at in _turned(index))
+        return np.array([np.sum(kernel * self.f) for kernel in kernels])

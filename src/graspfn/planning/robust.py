@@ -13,7 +13,7 @@ import numpy as np
 
 from graspfn.geometry import grid
 from graspfn.params import Plan
-from graspfn.planning.coupled import Coupled
+from graspfn.planning.coupled import FEW, Coupled
 from graspfn.planning.smoothing import check_function, fine_axes, hat_weights, robust_function_at, robust_values, smooth
 from graspfn.planning.uncertainty import PoseUncertainty
 
@@ -70,7 +70,9 @@ class RobustFunction:
         values = np.empty(len(q))
         for k, covariance in enumerate(different):
             of_it = np.flatnonzero(which == k)
-            values[of_it] = RobustFunction(self.f, PoseUncertainty(covariance.reshape(3, 3))).at(q[of_it])
+            smoothed = RobustFunction(self.f, PoseUncertainty(covariance.reshape(3, 3)))
+            few = smoothed.uncertainty.sigmas is None and len(of_it) < FEW
+            values[of_it] = smoothed._coupled.at_few(grid.to_index(q[of_it])) if few else smoothed.at(q[of_it])
         return values
 
     def highest(self, plan: Plan) -> Highest | None:
