@@ -14,7 +14,7 @@ import numpy as np
 from graspfn.geometry import grid
 from graspfn.params import Plan
 from graspfn.planning.coupled import Coupled
-from graspfn.planning.smoothing import check_function, fine_axes, hat_weights, robust_function_at, smooth
+from graspfn.planning.smoothing import check_function, fine_axes, hat_weights, robust_function_at, robust_values, smooth
 from graspfn.planning.uncertainty import PoseUncertainty
 
 # Rounding differs by this share between poses that symmetry makes equal; a score's own resolution is far coarser.
@@ -62,8 +62,7 @@ class RobustFunction:
             return self._each_with_its_own(q)
         if self.uncertainty.sigmas is None:
             return self._coupled.at_index(grid.to_index(q))
-        values = [robust_function_at(self.f, self.uncertainty.sigmas, *pose[[1, 0, 2], None]).item() for pose in q]
-        return np.array(values)
+        return robust_values(self.f, self.uncertainty.sigmas, q)
 
     def _each_with_its_own(self, q: np.ndarray) -> np.ndarray:
         covariances = np.stack([self.uncertainty.covariance_at(pose) for pose in q]).reshape(-1, 9)

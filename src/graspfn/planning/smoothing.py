@@ -46,7 +46,8 @@ def hat_weights(offset: np.ndarray, sigma: float) -> np.ndarray:
     """E[max(0, 1 - |offset + sigma Z|)] (...): offset and sigma in cells; hat is a second difference of max(0, .)."""
     # Symmetric in the offset; the negative side avoids subtracting large numbers.
     left = -np.abs(offset)
-    weights = _mean_excess(left + 1, sigma) - 2 * _mean_excess(left, sigma) + _mean_excess(left - 1, sigma)
+    right, middle, beyond = _mean_excess(np.stack([left + 1, left, left - 1]), sigma)
+    weights = right - 2 * middle + beyond
     return np.maximum(weights, 0.0)
 
 
@@ -70,14 +71,31 @@ def robust_function_at(f: np.ndarray, sigmas: ArrayLike, v: np.ndarray, u: np.nd
     another f and for a sigma that is negative, NaN or infinite.
     """
     check_function(f)
-    sigma_u, sigma_v, sigma_theta = check_sigmas(sigmas)
-    n_v, n_u, n_theta = grid.SHAPE
-    along_v = axis_weights(np.asarray(v) / grid.CELL_M + (n_v - 1) / 2, n_v, sigma_v / grid.CELL_M)
-    along_u = axis_weights(np.asarray(u) / grid.CELL_M + (n_u - 1) / 2, n_u, sigma_u / grid.CELL_M)
-    along_theta = wrapped_weights(np.asarray(theta) / grid.CELL_RAD, n_theta, sigma_theta / grid.CELL_RAD)
+    along_v, along_u, along_theta = _weights(sigmas, v, u, theta)
     smooth_v = np.tensordot(along_v, np.asarray(f, dtype=float), axes=(1, 0))
     smooth_vu = np.einsum("vjt,uj->vut", smooth_v, along_u, optimize=True)
     return smooth_vu @ along_theta.T
+
+
+def robust_values(f: np.ndarray, sigmas: ArrayLike, q: np.ndarray) -> np.ndarray:
+    """E[f(q_hat)] (P,) at poses (P, 3) in (u [m], v [m], theta [rad]); else as `robust_function_at`."""
+    check_function(f)
+    along_v, along_u, along_theta = _weights(sigmas, q[:, 1], q[:, 0], q[:, 2])
+    smooth_v = np.tensordot(along_v, np.asarray(f, dtype=float), axes=(1, 0))
+    return np.sum((along_u[:, None] @ smooth_v)[:, 0] * along_theta, axis=1)
+
+
+def _weights(
+    sigmas: ArrayLike, v: np.ndarray, u: np.ndarray, theta: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What each vertex along v, u and theta weighs at these positions: (len(v), 33), (len(u), 44), (len(theta), 6)."""
+    sigma_u, sigma_v, sigma_theta = check_sigmas(sigmas)
+    n_v, n_u, n_theta = grid.SHAPE
+    return (
+        axis_weights(np.asarray(v) / grid.CELL_M + (n_v - 1) / 2, n_v, sigma_v / grid.CELL_M),
+        axis_weights(np.asarray(u) / grid.CELL_M + (n_u - 1) / 2, n_u, sigma_u / grid.CELL_M),
+        wrapped_weights(np.asarray(theta) / grid.CELL_RAD, n_theta, sigma_theta / grid.CELL_RAD),
+    )
 
 
 def smooth(f: np.ndarray, sigmas: ArrayLike) -> np.ndarray:
