@@ -22,7 +22,7 @@ from graspfn.evaluation.planner import (
     true_function,
     view,
 )
-from graspfn.evaluation.trials import columns_of, errors_of, expectation
+from graspfn.evaluation.trials import Line, columns_of, errors_of, expectation
 from graspfn.geometry import grid
 from graspfn.geometry.transforms import T_world_scene
 from graspfn.imaging.camera import Camera
@@ -79,34 +79,24 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Plan:
+class Plan(Line):
     """One line of data/robustness.parquet: one plan, and what came of it.
 
     stays: whether it is where the plan on the clean image is, with the same way to have the table. highest: of the
     network's scores, wherever the pose; NaN for Centroid. refused: why the image was not planned on, "" where it was.
-    held: of the trials in simulation. expected, expected_error, effective: as in `trials.Trial`.
+    held: of the trials in simulation.
     """
 
-    id: str
     empty: bool
     disturbance: str
     amount: float
     unit: str
     table_fit: bool
-    method: str
-    network: str
-    training_seed: int
-    u_m: float
-    v_m: float
-    theta_rad: float
     stays: bool
     highest: float
     refused: str
     held: int
     trials: int
-    expected: float
-    expected_error: float
-    effective: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,7 +228,7 @@ def disturb_case(case: Case, conditions: Conditions, networks: Sequence[Trained]
             held, tried = trials.run(planned.q)
             lines.append(
                 Plan(
-                    id=case.name,
+                    **columns_of(case.name, planned, expected),
                     empty=resting is None,
                     disturbance=look.shot.disturbance,
                     amount=float(look.shot.amount),
@@ -249,7 +239,6 @@ def disturb_case(case: Case, conditions: Conditions, networks: Sequence[Trained]
                     refused=refused,
                     held=held,
                     trials=tried,
-                    **columns_of(planned, expected),
                 )
             )
     return lines
