@@ -21,9 +21,10 @@ from graspfn.compose import compose
 from graspfn.geometry.transforms import rotation_z, translation
 from graspfn.imaging.camera import Camera
 from graspfn.imaging.disturbances import turned
-from graspfn.imaging.height_map import CELL_M, SHAPE, height_map, see_heights
+from graspfn.imaging.height_map import CELL_M, SHAPE, height_map
 from graspfn.imaging.noise import add_noise
 from graspfn.imaging.render import render_depth
+from graspfn.imaging.sight import look
 from graspfn.imaging.table import fit_table
 from graspfn.params import validate
 from graspfn.seeds import generator
@@ -51,7 +52,7 @@ def print_times(repeats: int) -> None:
         for name, function in {
             "fit": lambda camera=camera, depth=depth: fit_table(depth, camera, params.table),
             "map": lambda camera=camera, depth=depth: height_map(depth, camera),
-            "both": lambda camera=camera, depth=depth: see_heights(depth, camera, params.table),
+            "both": lambda camera=camera, depth=depth: look(depth, camera, "height_map", params.table).seen,
         }.items():
             taken = milliseconds(function, repeats)
             print(f"{width:4} x {height:3} {name:4} best {taken.min():6.2f} ms, median {np.median(taken):6.2f} ms")

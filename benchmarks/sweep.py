@@ -25,6 +25,7 @@ from graspfn.physics.attempt import Grasper
 from graspfn.physics.labelling import label_object
 from graspfn.physics.world import Rig
 from graspfn.planning.methods import robust_best_grasp
+from graspfn.planning.robust import RobustFunction
 from graspfn.planning.uncertainty import PoseUncertainty
 from graspfn.reporting.sizes import narrowest_width
 from graspfn.seeds import generator
@@ -61,7 +62,7 @@ def study(name: str, resting: Resting, rig: Rig, plan: Plan, attempts: int, seed
     labels = label_object(resting, attempts, rig, generator(seed, "sweep", name))
     seconds = time.process_time() - started
     f = labels.successes / attempts
-    q = robust_best_grasp(f, SIGMA, plan, generator(seed, "sweep", name, "plan"))
+    q = robust_best_grasp(RobustFunction(f, SIGMA), plan, generator(seed, "sweep", name, "plan"))
     grasper, rng = Grasper(resting, rig), generator(seed, "sweep", name, "trials")
     held = [q is not None and grasper.run(SIGMA.reached(q, rng.standard_normal(3))).held for _ in range(TRIALS)]
     height = float(np.ptp(apply(resting.T_world_object, resting.mesh.vertices)[:, 2]))

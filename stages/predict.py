@@ -7,8 +7,8 @@ import pandas as pd
 from tqdm import tqdm
 
 from graspfn.imaging.camera import Camera
-from graspfn.imaging.network_input import network_input
 from graspfn.imaging.noise import observe
+from graspfn.imaging.sight import look
 from graspfn.learning.device import pick_device
 from graspfn.learning.folder import input_kind
 from graspfn.learning.prediction import predict_both
@@ -29,12 +29,13 @@ def main(params: Declared) -> None:
     kind = input_kind(NETWORKS / run)
     inputs = np.stack(
         [
-            network_input(observe(image, params.noise, params.seed, name), camera, kind, params.table)
+            look(observe(image, params.noise, params.seed, name), camera, kind, params.table).inputs
             for image, name in tqdm(zip(images, ids, strict=True), desc="observe", total=len(ids), unit="image")
         ]
     )
     scores, likeliest = predict_both(load_network(NETWORKS / run), inputs, pick_device(params.compute.device))
-    write_npz(OUT / f"{run}.npz", {"ids": np.array(ids), "scores": scores, "likeliest": likeliest})
+    predicted = {"ids": np.array(ids), "input": np.array(kind), "scores": scores, "likeliest": likeliest}
+    write_npz(OUT / f"{run}.npz", predicted)
 
 
 if __name__ == "__main__":

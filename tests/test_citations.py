@@ -101,7 +101,7 @@ TOPICS = {
     "V": {"loss", "score", "network", "input"},
     "VI": {"refinement", "smoothing", "hole filling"},
     "VII": {"augmentation", "pre-training"},
-    "VII-A": {"split", "Centroid", "trials", "true function"},
+    "VII-A": {"split", "Centroid", "planning", "trials", "true function"},
     "VII-B": {"σuv", "robot", "Σ", "depth holes"},
 }
 

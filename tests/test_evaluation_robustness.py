@@ -130,16 +130,24 @@ def test_amounts_of_nothing_leave_every_plan_as_it_is(plans):
 
 
 def test_a_refused_image_is_no_grasp_and_says_why(plans):
-    refused = plans[plans["refused"] != ""]
+    refused = plans[(plans["refused"] != "") & ~plans["empty"]]
     assert set(zip(refused["disturbance"], refused["amount"], strict=True)) == {("tilt", 40.0)}
     assert refused.loc[refused["table_fit"], "refused"].str.contains("table.max_tilt_deg").all()
-    believed = refused[~refused["table_fit"]]  # the paper's input does not look like its camera's image
-    assert set(believed["network"]) == {"images"} and believed["refused"].str.contains("behind the table").all()
+    believed = refused[~refused["table_fit"]].set_index("network")["refused"]
+    assert believed["images"].str.contains("takes the paper's 14 px").all()
+    assert believed["maps"].str.startswith("no object").all() and believed[""].str.startswith("no object").all()
     assert refused["u_m"].isna().all() and (refused["held"] == 0).all()
     assert set(refused.loc[refused["table_fit"], "method"]) == {CENTROID, BEST, ROBUST}
     tried = refused[refused["id"] == "blade"]
     assert (tried["trials"] == FEW.errors_per_object).all()  # which fail
-    assert not refused.loc[~refused["empty"], "stays"].any()
+    assert not refused["stays"].any()
+
+
+def test_an_empty_table_gets_no_grasp_and_what_the_network_scores_there_is_kept(plans):
+    empty = plans[plans["empty"]]
+    assert empty["u_m"].isna().all() and (empty["refused"] != "").all()
+    shown = empty[(empty["network"] != "") & empty["refused"].str.startswith("no object")]
+    assert len(shown) and (shown["highest"] > 0).all()
 
 
 def test_each_plan_is_tried_with_all_errors_and_no_pose_twice(plans):

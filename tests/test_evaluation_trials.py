@@ -14,7 +14,7 @@ from scipy import stats
 from graspfn.evaluation.bench import Bench, Scene
 from graspfn.evaluation.cases import TOP_CLASS
 from graspfn.evaluation.expected import Attempts, expected_success
-from graspfn.evaluation.planner import TRUE, UNTRAINED, GraspFunction, Planner, promise
+from graspfn.evaluation.planner import TRUE, UNTRAINED, GraspFunction, Planner, promises_of
 from graspfn.evaluation.trials import trials_of_object
 from graspfn.geometry import grid
 from graspfn.geometry.transforms import T_world_scene, move_pose, translation, unmove_pose
@@ -29,6 +29,7 @@ from graspfn.physics.attempt import Outcome, Result
 from graspfn.physics.world import Rig
 from graspfn.planning.centroid import centroid_grasp
 from graspfn.planning.methods import BEST, LIKELIEST, METHODS, ROBUST
+from graspfn.planning.robust import RobustFunction
 from graspfn.planning.uncertainty import PoseUncertainty
 
 CAMERA = Camera.of_the_paper(640, 480, 570.0)
@@ -180,7 +181,9 @@ def test_promises_are_the_robust_scores_of_the_poses_and_robust_planning_has_the
         sigma, q = PoseUncertainty.of(*cell), by.loc[BEST, ["u_m", "v_m", "theta_rad"]].to_numpy(dtype=float)
         draws = sigma.reached(q, np.random.default_rng(2).standard_normal((200_000, 3)))
         assert by.loc[BEST, "promise"] == pytest.approx(sample_function(f, draws).mean(), abs=5e-3)
-        assert promise(f, q, sigma) == pytest.approx(by.loc[BEST, "promise"])
+        assert promises_of(RobustFunction(f, sigma), [q, None]) == pytest.approx(
+            [by.loc[BEST, "promise"], np.nan], nan_ok=True
+        )
 
 
 def test_expected_success_is_of_the_pose_about_the_object_and_not_of_the_true_function():

@@ -17,6 +17,7 @@ from graspfn.physics.attempt import Grasper
 from graspfn.physics.labelling import held, label_object, successes
 from graspfn.physics.world import Rig
 from graspfn.planning.methods import best_grasp, robust_best_grasp
+from graspfn.planning.robust import RobustFunction
 from graspfn.planning.uncertainty import PoseUncertainty
 
 RIG = Rig(PHYSICS, GRIPPER, ATTEMPT)
@@ -48,7 +49,7 @@ class Labelled:
         return float(np.mean([self.grasper.run(reached).held for reached in sigma.reached(q, errors)]))
 
     def robust(self, sigma: PoseUncertainty) -> np.ndarray:
-        q = robust_best_grasp(self.f, sigma, PARAMS.plan, np.random.default_rng(0))
+        q = robust_best_grasp(RobustFunction(self.f, sigma), PARAMS.plan, np.random.default_rng(0))
         assert q is not None
         return q
 

@@ -13,11 +13,12 @@ from test_imaging_table import LAX, LIMITS, NOISE
 from graspfn.geometry.grid import axes
 from graspfn.geometry.transforms import T_world_scene, translation
 from graspfn.imaging.camera import Camera, straight_down
-from graspfn.imaging.height_map import CELL_M, SHAPE, TABLE_M, height_map, see_heights
+from graspfn.imaging.height_map import CELL_M, SHAPE, TABLE_M, height_map
 from graspfn.imaging.holes import DepthError
-from graspfn.imaging.network_input import depth_input, network_input
+from graspfn.imaging.network_input import depth_input
 from graspfn.imaging.noise import add_noise
 from graspfn.imaging.render import render_depth
+from graspfn.imaging.sight import look
 from graspfn.imaging.table import TableError, fit_table
 from graspfn.planning.centroid import centroid_grasp
 
@@ -70,12 +71,12 @@ def test_the_map_of_a_box_is_the_box_to_a_cell(camera, tilt, height, rng):
 @pytest.mark.parametrize("tilt", [0, 19])
 def test_the_map_of_a_bare_table_is_0_within_noise(camera, tilt, rng):
     camera = camera.at(orbited(camera.position[2], tilt, 0.7))
-    seen = see_heights(add_noise(camera.bare_table(), NOISE, rng), camera.at(camera.T_world_camera), LIMITS)
+    seen = look(add_noise(camera.bare_table(), NOISE, rng), camera, "height_map", LIMITS).seen
     heights = seen.heights[seen.seen]
     assert abs(heights.mean()) < 0.0001
     assert heights.std() < 0.001
     assert np.abs(heights).max() < 0.006
-    assert network_input(camera.bare_table(), camera, "height_map", LIMITS)[0].max() == 0
+    assert look(camera.bare_table(), camera, "height_map", LIMITS).inputs[0].max() == 0
 
 
 def test_a_sphere_has_its_heights(rng):
@@ -146,23 +147,23 @@ def test_byte_order_strides_and_precision_do_not_show(rng):
     depth = add_noise(CAMERA.bare_table(), NOISE, rng)
     wide = np.zeros((480, 1280), np.float32)
     wide[:, ::2] = depth
-    expected = see_heights(depth, CAMERA, LIMITS).heights
+    expected = look(depth, CAMERA, "height_map", LIMITS).seen.heights
     for same in (depth.astype(">f4"), depth.astype(float), np.asfortranarray(depth), wide[:, ::2]):
-        np.testing.assert_array_equal(see_heights(same, CAMERA, LIMITS).heights, expected)
+        np.testing.assert_array_equal(look(same, CAMERA, "height_map", LIMITS).seen.heights, expected)
 
 
 def test_without_the_fit_the_pose_is_believed():
     depth = CAMERA.bare_table() - 0.01
     believed = LIMITS.__class__(False, *list(vars(LIMITS).values())[1:])
-    assert np.allclose(see_heights(depth, CAMERA, believed).heights, 0.01, atol=1e-5)
-    assert np.allclose(see_heights(depth, CAMERA, LIMITS).heights, 0, atol=1e-4)
+    assert np.allclose(look(depth, CAMERA, "height_map", believed).seen.heights, 0.01, atol=1e-5)
+    assert np.allclose(look(depth, CAMERA, "height_map", LIMITS).seen.heights, 0, atol=1e-4)
 
 
 def test_inputs_have_their_channels_and_low_things_are_table():
     depth = CAMERA.bare_table().astype(np.float32)
     depth[100:150, 100:150] -= np.float32(0.05)
     depth[300:350, 300:350] -= np.float32(0.004)
-    of_depth, of_map = (network_input(depth, CAMERA, kind, LIMITS) for kind in ("depth", "height_map"))
+    of_depth, of_map = (look(depth, CAMERA, kind, LIMITS).inputs for kind in ("depth", "height_map"))
     assert (of_depth.shape, of_map.shape) == ((1, 132, 176), (2, 132, 176))
     assert of_depth.dtype == of_map.dtype == np.float32
     np.testing.assert_array_equal(of_depth[0], depth_input(depth, CAMERA))
@@ -177,7 +178,7 @@ def test_inputs_have_their_channels_and_low_things_are_table():
 )
 def test_the_papers_input_takes_the_papers_camera(camera):
     with pytest.raises(DepthError, match=r"^camera: .* px span 10 mm .*; height_map takes any camera$"):
-        network_input(camera.bare_table(), camera, "depth", LIMITS)
+        look(camera.bare_table(), camera, "depth", LIMITS)
 
 
 @pytest.mark.skipif(not REAL.exists(), reason="no real depth images beside the repository")

@@ -227,7 +227,15 @@ def test_an_image_without_depths_has_no_table():
 def test_pieces_that_no_finger_fits_between_are_one_object(gap):
     mask = np.zeros((132, 176), dtype=bool)
     mask[60:70, 60:70] = mask[60:70, 70 + round(gap / CELL_M) :][:, :10] = True
-    assert objects(mask) == (1 if gap < 0.03 else 2)
+    assert objects(mask, 0.03 * mask) == (1 if gap < 0.03 else 2)
+
+
+def test_what_is_low_beside_the_object_is_the_table():
+    """A wave of it."""
+    thing, q = placed((0.07, 0.02), 0.4)
+    grasp = PLANNER.plan(seen(CAMERA, thing, block(-0.08, -0.04, height=0.007)), CAMERA, SIGMA)
+    assert isinstance(grasp, Grasp), grasp.reason
+    np.testing.assert_allclose(grasp.q[:2], q[:2], atol=0.003)
 
 
 def test_a_pose_below_the_least_score_is_none():

@@ -168,10 +168,12 @@ def test_an_arm_that_is_less_certain_farther_out_is_sent_to_the_nearer_of_two_gr
     f[16, 12, 2], f[16, 34, 2] = 0.8, 0.9
     growing = PoseUncertainty(lambda q: np.diag([0.002 + 0.02 * (q[0] > 0), 0.002, 0.05]) ** 2)
     coarse = Plan(fine_uv=1, fine_theta=1)
-    q = robust_best_grasp(f, growing, coarse)
+    q = robust_best_grasp(RobustFunction(f, growing), coarse)
     np.testing.assert_allclose(q, grid.from_index(np.array([16, 12, 2])), atol=1e-9)
     np.testing.assert_allclose(
-        robust_best_grasp(f, PoseUncertainty((0.002, 0.05)), coarse), grid.from_index(np.array([16, 34, 2])), atol=1e-9
+        robust_best_grasp(RobustFunction(f, PoseUncertainty((0.002, 0.05))), coarse),
+        grid.from_index(np.array([16, 34, 2])),
+        atol=1e-9,
     )
 
 
@@ -179,13 +181,15 @@ def test_of_equals_the_first_in_the_order_of_v_u_and_theta():
     f = np.zeros(grid.SHAPE)
     f[20, 5, 3] = f[10, 30, 4] = f[10, 31, 1] = f[20, 5, 0] = 0.5
     for sigma in (PoseUncertainty((0.0, 0.0)), PoseUncertainty((0.001, 0.01))):
-        np.testing.assert_allclose(robust_best_grasp(f, sigma, PLAN), grid.from_index(np.array([10, 30, 4])))
+        np.testing.assert_allclose(
+            robust_best_grasp(RobustFunction(f, sigma), PLAN), grid.from_index(np.array([10, 30, 4]))
+        )
 
 
 @pytest.mark.parametrize("sigma", [(0.01, 0.3), correlated((1, 1, 1), 3, 0)])
 def test_nothing_above_zero_is_no_grasp_and_no_function_is_refused(sigma):
     sigma = PoseUncertainty(sigma)
     for f in (np.zeros(grid.SHAPE), np.full(grid.SHAPE, -0.1)):
-        assert robust_best_grasp(f, sigma, PLAN) is None
+        assert robust_best_grasp(RobustFunction(f, sigma), PLAN) is None
     with pytest.raises(PlanningError, match=r"^grasp function"):
         RobustFunction(np.full(grid.SHAPE, np.nan), sigma)

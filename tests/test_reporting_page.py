@@ -97,7 +97,10 @@ def write_data(data, params):
     for split, names in (("train", trained), ("test", tested)):  # of the test objects one can be held
         rows = [{"id": i, "status": "labelled", "best": 5 if k == 0 else 4} | ended for k, i in enumerate(names)]
         write_parquet(data / f"labels/{split}.parquet", pd.DataFrame(rows))
-    write_npz(data / "functions/fcn-0.npz", {"ids": np.array(tested), "scores": f.astype(np.float32)})
+    write_npz(
+        data / "functions/fcn-0.npz",
+        {"ids": np.array(tested), "input": np.array("height_map"), "scores": f.astype(np.float32)},
+    )
     for folder, steps in (("pretrained", 0), ("networks", 20)):
         (data / folder / "fcn-0").mkdir(parents=True)
         step = np.arange(steps)

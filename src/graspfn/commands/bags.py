@@ -105,8 +105,8 @@ def replanner(params: Params, networks: Sequence[str]) -> Replanner:
         if not name or not folder:
             raise RecordingError(f"--network {text_}: takes NAME=FOLDER, as recordings name it and where it is saved")
         loaded[name] = input_kind(Path(folder)), load_network(Path(folder))
-    planner = Planner(params.plan, params.seed)
-    return Replanner(loaded, planner, Camera.from_params(params.camera), params.table)
+    planner, camera = Planner(params.plan, params.seed), Camera.from_params(params.camera)
+    return Replanner(loaded, planner, camera, params.table, params.gripper)
 
 
 def replan(found: Analysis, bags: Bags, params: Params, again: Replanner) -> dict[str, str]:

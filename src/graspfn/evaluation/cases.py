@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,10 +12,10 @@ import numpy as np
 from graspfn.evaluation.bench import Bench, Scene
 from graspfn.evaluation.expected import Attempts
 from graspfn.evaluation.objects import PlacedObjects
-from graspfn.evaluation.planner import GraspFunction, Planner, true_function
+from graspfn.evaluation.planner import GraspFunction, Planner, true_function, view
 from graspfn.evaluation.trials import Trial, errors_of, trials_of_object
 from graspfn.imaging.camera import Camera
-from graspfn.imaging.height_map import see_heights
+from graspfn.imaging.height_map import HeightMap
 from graspfn.imaging.noise import observe
 from graspfn.meshes.placed import Resting
 from graspfn.params import Noise, Table
@@ -54,24 +54,29 @@ class Cases:
     def depends(self, name: str) -> list[Any]:
         """All that the trials of an object follow from, for the name of its shard."""
         row = self._objects.placement(name).row
-        arrays = [array for f in self._predicted_of(row) for array in (f.f, f.likeliest)]
-        return [*self._objects.depends(name), self._images[row], self.protocol, *arrays]
+        arrays = [f[key][row] for f in self._predicted.values() for key in ("scores", "likeliest")]
+        kinds = [str(f["input"]) for f in self._predicted.values()]
+        return [*self._objects.depends(name), self._images[row], self.protocol, *kinds, *arrays]
 
     def task(self, name: str) -> tuple[Any, ...]:
         """Arguments of `try_object`."""
         p, placed = self.protocol, self._objects.placement(name)
-        seen = see_heights(observe(self._images[placed.row], p.noise, p.seed, name), p.camera, p.table)
-        scene = Scene(name, seen, placed.shift_uv, placed.theta)
+        image = observe(self._images[placed.row], p.noise, p.seed, name)
+        kinds = {"height_map", *(str(f["input"]) for f in self._predicted.values())}
+        seen = {kind: view(image, p.camera, kind, p.table).seen for kind in kinds}
+        scene = Scene(name, seen["height_map"], placed.shift_uv, placed.theta)
         attempts = self._objects.attempts(name)
-        functions = self._predicted_of(placed.row)
+        functions = self._predicted_of(placed.row, seen)
         if attempts is not None:
             functions.append(true_function(attempts))
         return scene, self._objects.resting(name), p, functions, attempts
 
-    def _predicted_of(self, row: int) -> list[GraspFunction]:
+    def _predicted_of(self, row: int, seen: Mapping[str, HeightMap]) -> list[GraspFunction]:
+        """Where the gripper meets what each network sees."""
+        gripper, top = self.protocol.rig.gripper, np.float32(TOP_CLASS)
         return [
-            GraspFunction(*run, predicted["scores"][row], predicted["likeliest"][row] / np.float32(TOP_CLASS))
-            for run, predicted in self._predicted.items()
+            GraspFunction(*run, f["scores"][row], f["likeliest"][row] / top).where_met(seen[str(f["input"])], gripper)
+            for run, f in self._predicted.items()
         ]
 
 

@@ -5,32 +5,38 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from graspfn.evaluation.bench import Bench, Scene
 from graspfn.evaluation.expected import Attempts
-from graspfn.evaluation.planner import GraspFunction, Planned, Planner, true_function
-from graspfn.evaluation.trials import columns_of, errors_of, expectation
+from graspfn.evaluation.planner import (
+    NOTHING,
+    TRUE,
+    UNTRAINED,
+    GraspFunction,
+    Planned,
+    Planner,
+    View,
+    true_function,
+    view,
+)
+from graspfn.evaluation.trials import Line, columns_of, errors_of, expectation
 from graspfn.geometry import grid
 from graspfn.geometry.transforms import T_world_scene
 from graspfn.imaging.camera import Camera
 from graspfn.imaging.disturbances import CLEAN, Shot, shots
-from graspfn.imaging.height_map import SHAPE, HeightMap, see_heights
+from graspfn.imaging.height_map import HeightMap
 from graspfn.imaging.holes import DepthError
-from graspfn.imaging.network_input import height_map_input, network_input
 from graspfn.imaging.renderers import renderer
-from graspfn.imaging.table import TableError
 from graspfn.learning.networks import GraspNetwork
 from graspfn.learning.prediction import predict
 from graspfn.meshes.placed import Resting
 from graspfn.params import Disturb, Noise, Table
 from graspfn.physics.world import Rig
-from graspfn.planning.methods import BEST, CENTROID, ROBUST
 from graspfn.planning.uncertainty import PoseUncertainty
 
-NOTHING = HeightMap(np.zeros(SHAPE, np.float32), np.zeros(SHAPE, bool))  # seen where an image is refused
 NEAR_M, NEAR_RAD = 0.01, np.radians(15)  # a plan that has moved no further is taken to have stayed
 Q = np.ndarray | None
 
@@ -73,34 +79,24 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Plan:
+class Plan(Line):
     """One line of data/robustness.parquet: one plan, and what came of it.
 
-    stays: whether it is where the plan on the clean image is, with the same way to have the table. highest: the score
-    of the network's best pose, NaN for Centroid. refused: why there was nothing to plan on, "" where there was. held:
-    of the trials in simulation. expected, expected_error, effective: as in `trials.Trial`.
+    stays: whether it is where the plan on the clean image is, with the same way to have the table. highest: of the
+    network's scores, wherever the pose; NaN for Centroid. refused: why the image was not planned on, "" where it was.
+    held: of the trials in simulation.
     """
 
-    id: str
     empty: bool
     disturbance: str
     amount: float
     unit: str
     table_fit: bool
-    method: str
-    network: str
-    training_seed: int
-    u_m: float
-    v_m: float
-    theta_rad: float
     stays: bool
     highest: float
     refused: str
     held: int
     trials: int
-    expected: float
-    expected_error: float
-    effective: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,44 +110,40 @@ class Trained:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
-    """One shot with the table found or believed: the map that Centroid sees, and inputs by kind of network.
+class Look:
+    """One shot with the table found or believed: a view of it for each kind of network, and what each network says.
 
-    refused: by kind, why there is no input.
+    scores: by (network, training seed), (33, 44, 6). A network that sees depth images believes the camera's pose: it
+    has no plans with the table found.
     """
 
     shot: Shot
     fit: bool
-    seen: HeightMap | None
-    inputs: dict[str, np.ndarray]
-    refused: dict[str, str]
+    views: dict[str, View]
+    scores: dict[tuple[str, int], np.ndarray] = field(default_factory=dict)
 
 
-def _view(shot: Shot, table: Table, kinds: set[str]) -> View:
-    inputs, refused, seen = {}, {}, None
+def _look(shot: Shot, table: Table, kinds: set[str]) -> Look:
+    kinds = {"height_map"} | (kinds - {"depth"} if table.fit else kinds)
+    return Look(shot, table.fit, {kind: _view(shot, kind, table) for kind in kinds})
+
+
+def _view(shot: Shot, kind: str, table: Table) -> View:
+    """Also an image that does not look like its camera's is refused: no disturbance ends the stage."""
     try:
-        seen = see_heights(shot.depth, shot.camera, table)
-        inputs["height_map"] = height_map_input(seen)
-    except (DepthError, TableError) as error:
-        refused["height_map"] = str(error)
-    if "depth" in kinds:
-        try:
-            inputs["depth"] = network_input(shot.depth, shot.camera, "depth", table)
-        except DepthError as error:
-            refused["depth"] = str(error)
-    return View(shot, table.fit, seen, inputs, refused)
+        return view(shot.depth, shot.camera, kind, table)
+    except DepthError as error:
+        return View(None, NOTHING, str(error))
 
 
-def _functions(views: Sequence[View], networks: Sequence[Trained]) -> list[list[GraspFunction]]:
-    """What every network that is given an input says of each view."""
-    found: list[list[GraspFunction]] = [[] for _ in views]
+def _predict(looks: Sequence[Look], networks: Sequence[Trained]) -> None:
+    """What every network that is given an input says of each look."""
     for own in networks:
-        places = [i for i, view in enumerate(views) if own.kind in view.inputs]
-        if places:
-            scores = predict(own.network, np.stack([views[i].inputs[own.kind] for i in places]))
-            for i, f in zip(places, scores, strict=True):
-                found[i].append(GraspFunction(own.name, own.seed, f))
-    return found
+        given = [(look, look.views[own.kind].inputs) for look in looks if own.kind in look.views]
+        shown = {look: inputs for look, inputs in given if inputs is not None}
+        if shown:
+            for look, f in zip(shown, predict(own.network, np.stack(list(shown.values()))), strict=True):
+                look.scores[own.name, own.seed] = f
 
 
 def near(one: Q, other: Q) -> bool:
@@ -190,30 +182,24 @@ class _Trials:
 
 
 def _planned(
-    case: Case,
-    view: View,
-    functions: Sequence[GraspFunction],
-    networks: Sequence[Trained],
-    conditions: Conditions,
+    case: Case, look: Look, networks: Sequence[Trained], conditions: Conditions
 ) -> Iterator[tuple[Planned, Scene, float, str]]:
-    """Plans of all methods on a view, with the scene, the score of the network's best pose, and why there is none.
-
-    A network that sees depth images believes the camera's pose: it has no plans with the table found.
-    """
-    scene = case.scene(view.seen or NOTHING)
-    wanted = {(own.name, own.seed): own.kind for own in networks if own.kind != "depth" or not view.fit}
-    given = [f for f in functions if (f.network, f.training_seed) in wanted]
-    once = view.fit and view.shot.disturbance == CLEAN  # no image moves what labels plan
-    own = [true_function(case.attempts)] if once and case.attempts is not None else []
-    highest = {(f.network, f.training_seed): float(f.f.max()) for f in given + own}
-    (plans,) = conditions.planner.plans(scene, given + own, [conditions.uncertainty])
+    """Plans of all methods on a look, with the scene, the highest of the network's scores, and why there is none."""
+    scene, gripper = case.scene(look.views["height_map"].seen), conditions.rig.gripper
+    refused, highest, functions = {("", UNTRAINED): look.views["height_map"].refused}, {}, []
+    for own in networks:
+        if own.kind in look.views:
+            key, seen = (own.name, own.seed), look.views[own.kind]
+            f = look.scores.get(key, np.zeros(grid.SHAPE, np.float32))
+            refused[key], highest[key] = seen.refused, float(f.max())
+            functions.append(GraspFunction(*key, f).where_met(seen.seen, gripper))
+    if look.fit and look.shot.disturbance == CLEAN and case.attempts is not None:  # no image moves what labels plan
+        functions.append(true_function(case.attempts))
+        highest[TRUE, UNTRAINED] = float(functions[-1].f.max())
+    (plans,) = conditions.planner.plans(scene, functions, [conditions.uncertainty])
     for planned in plans:
-        refused = view.refused.get("height_map", "") if planned.method == CENTROID else ""
-        yield planned, scene, highest.get((planned.network, planned.training_seed), float("nan")), refused
-    for (name, seed), kind in wanted.items():
-        if kind in view.refused:
-            for method in (BEST, ROBUST):
-                yield Planned(method, name, seed, None), scene, 0.0, view.refused[kind]
+        key = planned.network, planned.training_seed
+        yield planned, scene, highest.get(key, float("nan")), refused.get(key, "")
 
 
 def disturb_case(case: Case, conditions: Conditions, networks: Sequence[Trained]) -> list[Plan]:
@@ -230,29 +216,29 @@ def disturb_case(case: Case, conditions: Conditions, networks: Sequence[Trained]
     c = conditions
     taken = shots(render, c.camera, c.noise, c.others, c.disturb, c.seed, case.name)
     tables = [dataclasses.replace(c.table, fit=fit) for fit in (True, False)]
-    views = [_view(shot, table, kinds) for shot in taken for table in tables]
+    looks = [_look(shot, table, kinds) for shot in taken for table in tables]
+    _predict(looks, networks)
     trials, lines = _Trials(case, conditions), []
     clean: dict[tuple[bool, str, str, int], Q] = {}
-    for view, functions in zip(views, _functions(views, networks), strict=True):
-        for planned, scene, highest, refused in _planned(case, view, functions, networks, conditions):
-            key = view.fit, planned.method, planned.network, planned.training_seed
+    for look in looks:
+        for planned, scene, highest, refused in _planned(case, look, networks, conditions):
+            key = look.fit, planned.method, planned.network, planned.training_seed
             before = clean.setdefault(key, planned.q)
             expected = expectation(scene, planned, conditions.uncertainty, case.attempts)
             held, tried = trials.run(planned.q)
             lines.append(
                 Plan(
-                    id=case.name,
+                    **columns_of(case.name, planned, expected),
                     empty=resting is None,
-                    disturbance=view.shot.disturbance,
-                    amount=float(view.shot.amount),
-                    unit=view.shot.unit,
-                    table_fit=view.fit,
+                    disturbance=look.shot.disturbance,
+                    amount=float(look.shot.amount),
+                    unit=look.shot.unit,
+                    table_fit=look.fit,
                     stays=near(planned.q, before),
                     highest=highest,
                     refused=refused,
                     held=held,
                     trials=tried,
-                    **columns_of(planned, expected),
                 )
             )
     return lines

@@ -20,33 +20,42 @@ UNKNOWN = Expected(np.nan, np.nan, 0.0)
 
 
 @dataclass(frozen=True)
-class Trial:
-    """One line of data/trials.parquet.
+class Line:
+    """What tables say of every plan.
 
-    error: which of the object's draws was missed by; promise: the robust score of the commanded pose, by the function
-    that planned it; expected: of the commanded pose, by the object's own attempts, with its standard error and the
-    attempts that it rests on. NaN where there is none.
+    u_m, v_m, theta_rad: the commanded pose; expected: its success by the object's own attempts, with its standard error
+    and the attempts that it rests on. NaN where there is none.
     """
 
     id: str
     method: str
     network: str
     training_seed: int
-    sigma_uv_mm: float
-    sigma_theta_deg: float
-    error: int
     u_m: float
     v_m: float
     theta_rad: float
+    expected: float
+    expected_error: float
+    effective: float
+
+
+@dataclass(frozen=True)
+class Trial(Line):
+    """One line of data/trials.parquet.
+
+    error: which of the object's draws was missed by; promise: the robust score of the commanded pose, by the function
+    that planned it, NaN where there is none.
+    """
+
+    sigma_uv_mm: float
+    sigma_theta_deg: float
+    error: int
     reached_u_m: float
     reached_v_m: float
     reached_theta_rad: float
     success: bool
     outcome: str
     promise: float
-    expected: float
-    expected_error: float
-    effective: float
 
 
 def trials_of_object(
@@ -90,7 +99,7 @@ def _trials(
             result = bench.grasp(reached)
             held, outcome = result.held, result.outcome.value
         yield Trial(
-            id=scene.name,
+            **columns_of(scene.name, planned, expected),
             sigma_uv_mm=cell[0],
             sigma_theta_deg=cell[1],
             error=i,
@@ -98,14 +107,14 @@ def _trials(
             success=held,
             outcome=outcome,
             promise=planned.promise,
-            **columns_of(planned, expected),
         )
 
 
-def columns_of(planned: Planned, expected: Expected) -> dict[str, Any]:
-    """What a table says of every plan: method, network, training_seed, the commanded pose, and its `Expected`."""
+def columns_of(name: str, planned: Planned, expected: Expected) -> dict[str, Any]:
+    """The columns of a `Line`."""
     u, v, theta = (NOWHERE if planned.q is None else planned.q).tolist()
     return {
+        "id": name,
         "method": planned.method,
         "network": planned.network,
         "training_seed": planned.training_seed,

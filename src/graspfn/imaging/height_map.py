@@ -14,8 +14,6 @@ from graspfn.geometry.grid import CELL_M as POSE_CELL_M
 from graspfn.geometry.grid import SHAPE as POSES
 from graspfn.imaging.camera import NEAR_M, Camera
 from graspfn.imaging.holes import BEHIND_M, check_image
-from graspfn.imaging.table import fit_table
-from graspfn.params import Table
 
 FINER = 4  # cells of the map a side, per cell of Q
 SHAPE = (FINER * POSES[0], FINER * POSES[1])  # (132, 176): rows along v, columns along u
@@ -128,14 +126,3 @@ def height_map(depth: np.ndarray, camera: Camera) -> HeightMap:
     heights = _closed(_heights(*_points(kept, camera), camera))
     seen = ~np.isnan(heights)
     return HeightMap(np.where(seen, heights, np.float32(0)), seen)
-
-
-def see_heights(depth: np.ndarray, camera: Camera, table: Table) -> HeightMap:
-    """The height map of an image (height, width), metres, over the table that is found in it, or that is believed.
-
-    DepthError or TableError says in one line why an image cannot be planned on.
-    """
-    check_image(depth, camera)
-    if table.fit:
-        camera = camera.at(fit_table(depth, camera, table).T_world_camera)
-    return height_map(depth, camera)

@@ -10,9 +10,8 @@ import numpy as np
 from graspfn.geometry.grid import CELL_M, CELL_PX, SHAPE
 from graspfn.imaging.camera import Camera
 from graspfn.imaging.height_map import SHAPE as MAP_SHAPE
-from graspfn.imaging.height_map import TABLE_M, HeightMap, see_heights
-from graspfn.imaging.holes import DepthError, check_filled, fill_holes
-from graspfn.params import Table
+from graspfn.imaging.height_map import TABLE_M, HeightMap
+from graspfn.imaging.holes import DepthError, check_filled
 
 INPUT_SHAPE = MAP_SHAPE  # (132, 176): of both kinds
 CROP_SHAPE = (CELL_PX * SHAPE[0], CELL_PX * SHAPE[1])  # (462, 616): the pixels that Q covers
@@ -79,17 +78,3 @@ def height_map_input(seen: HeightMap) -> np.ndarray:
     """(2, 132, 176) float32: heights in 0.1 m, 0 where there is but table, and 1 where anything was seen."""
     standing = np.where(seen.heights < TABLE_M, np.float32(0), seen.heights)
     return np.stack([standing / np.float32(UNIT_M), seen.seen.astype(np.float32)])
-
-
-def network_input(
-    depth: np.ndarray, camera: Camera, kind: str, table: Table, seen: HeightMap | None = None
-) -> np.ndarray:
-    """depth: (height, width), metres, as the camera gives it -> (channels, 132, 176) float32.
-
-    kind: `network.*.input`. depth: one channel, the image with its holes filled, and the camera's pose believed.
-    height_map: two channels, of the map over the table that is found in the image; seen: that map, where it is made.
-    DepthError or TableError says why an image cannot be planned on.
-    """
-    if kind == "depth":
-        return depth_input(fill_holes(depth, camera), camera)[None]
-    return height_map_input(seen or see_heights(depth, camera, table))

@@ -15,7 +15,6 @@ from graspfn.geometry import grid
 from graspfn.params import Plan
 from graspfn.planning.robust import TIE, RobustFunction
 from graspfn.planning.smoothing import check_function
-from graspfn.planning.uncertainty import PoseUncertainty
 
 CENTROID, BEST, ROBUST = "Centroid", "Best Grasp", "Robust Best Grasp"
 LIKELIEST = "Best Grasp (likeliest class)"  # by the scores of the likeliest classes, as the paper has them (V)
@@ -36,14 +35,14 @@ def best_grasp(f: np.ndarray, rng: np.random.Generator | None = None) -> np.ndar
 
 
 def robust_best_grasp(
-    f: np.ndarray, uncertainty: PoseUncertainty, plan: Plan, rng: np.random.Generator | None = None
+    function: RobustFunction, plan: Plan, rng: np.random.Generator | None = None
 ) -> np.ndarray | None:
     """Pose (3,) (u [m], v [m], theta [rad]) within Q's extents whose expected score under Sigma is highest.
 
-    None where that is nowhere above 0. Raises PlanningError for another f, and where Sigma is none.
+    None where that is nowhere above 0.
     """
-    highest = RobustFunction(f, uncertainty).highest(plan)
-    return None if highest is None else _one_of(highest.poses, rng)
+    highest = function.highest(plan)
+    return None if highest is None else function.between(_one_of(highest.poses, rng), plan)
 
 
 def _one_of(ties: np.ndarray, rng: np.random.Generator | None) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What lies on the table, before anything is planned on it: one whole object, and where the gripper can meet it."""
+"""What lies on the table, before anything is planned on it: one whole object, and where the gripper meets it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from scipy import ndimage
 from graspfn.geometry import grid
 from graspfn.imaging.camera import NEAR_M, Camera
 from graspfn.imaging.height_map import CELL_M, FINER, SHAPE, HeightMap
+from graspfn.imaging.sight import Sight
 from graspfn.params import Gripper
 from graspfn.planning.centroid import object_mask
 
@@ -16,7 +17,8 @@ LEAST_CELLS = 16  # a square centimetre; less is a speck
 # Pieces no further apart are one object's, the legs of a chair: no finger goes between them without touching one. The
 # test objects' pieces are up to 21 mm apart.
 APART_M = 0.03
-# Parts of an object beyond an edge: points that stand so high, so close to what is seen of it.
+# Parts of an object beyond an edge: points that stand so high, so close to what is seen of it. A table wavy by 2 mm rms
+# reaches 8 mm.
 STANDING_M, NEAR_OBJECT_M = 0.01, 0.02
 CUT_M = 0.015  # along the edge of the view; an object that just touches it is whole
 FEW_POINTS = 5  # beyond Q
@@ -25,16 +27,30 @@ EVERY_PX = 4
 HALF_M = np.array(SHAPE[::-1]) * CELL_M / 2  # of Q's extent along u and v
 
 
-def whole_object(seen: HeightMap, depth: np.ndarray, camera: Camera, view: np.ndarray | None) -> str:
-    """Why there is not one whole object to plan on, in a line; empty where there is.
+def refusal(sight: Sight, fewest_px: float) -> str:
+    """Why an image is not to be planned on, in a line; empty where it is.
 
-    depth: (height, width), metres; camera: where it stands over the table; view: (height, width) bool, the pixels that
-    count, None for all.
+    fewest_px: a side that have to see a cell of the height map, for an image like those of training.
     """
-    mask = object_mask(seen)
+    return _too_coarse(sight.camera, fewest_px) or _no_whole_object(sight)
+
+
+def _too_coarse(camera: Camera, fewest_px: float) -> str:
+    px = min(camera.K[:2]) * CELL_M / camera.table_depth
+    if px >= fewest_px:
+        return ""
+    nearest = camera.table_depth * px / fewest_px
+    return (
+        f"camera: {camera.table_depth:.2f} m from the table {px:.2g} px see {1000 * CELL_M:g} mm, where the "
+        f"network takes {fewest_px:g}; that is from {nearest:.2f} m and nearer"
+    )
+
+
+def _no_whole_object(sight: Sight) -> str:
+    depth, camera, view, mask = sight.depth, sight.camera, sight.view, object_mask(sight.seen)
     if mask.sum() < LEAST_CELLS:
         return "no object: nothing stands out of the table where the gripper can be sent"
-    count = objects(mask)
+    count = objects(mask, sight.seen.heights)
     if count > 1:
         return f"several objects: {count} that stand more than {1000 * APART_M:g} mm apart; it takes one"
     cut = _standing_near(mask, _on_edge(depth, view), depth, camera)
@@ -49,12 +65,17 @@ def whole_object(seen: HeightMap, depth: np.ndarray, camera: Camera, view: np.nd
     return ""
 
 
-def objects(mask: np.ndarray) -> int:
-    """How many of them (132, 176) bool shows."""
+def objects(mask: np.ndarray, heights: np.ndarray) -> int:
+    """How many of them (132, 176) bool shows; beside one, what stands no higher than STANDING_M is a wave of the table.
+
+    heights: (132, 176), metres.
+    """
     _, count = ndimage.label(mask, structure=np.ones((3, 3)))
     if count > 1:
         around = ndimage.distance_transform_edt(~mask) <= APART_M / CELL_M / 2
-        _, count = ndimage.label(around, structure=np.ones((3, 3)))
+        pieces, count = ndimage.label(around, structure=np.ones((3, 3)))
+        highest = ndimage.maximum(heights, pieces, np.arange(1, count + 1))
+        count = max(1, np.count_nonzero(highest > STANDING_M))
     return int(count)
 
 
@@ -88,6 +109,11 @@ def _standing_near(
     columns, rows = np.floor((uv[standing] + HALF_M) / CELL_M).astype(int).T + margin
     inside = (rows >= 0) & (rows < around.shape[0]) & (columns >= 0) & (columns < around.shape[1])
     return int(around[rows[inside], columns[inside]].sum())
+
+
+def where_met(scores: np.ndarray, seen: HeightMap, gripper: Gripper) -> np.ndarray:
+    """scores (33, 44, 6), 0 wherever the open gripper has nothing of the object between its fingers."""
+    return np.where(meets(object_mask(seen), gripper), scores, 0)
 
 
 def meets(mask: np.ndarray, gripper: Gripper) -> np.ndarray:

@@ -7,7 +7,6 @@ image was taken, C the camera and I the table as the image shows it: T_RP = T_RG
 
 from __future__ import annotations
 
-import dataclasses
 import enum
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,18 +14,18 @@ from typing import Protocol
 
 import numpy as np
 
-from graspfn.geometry.transforms import T_world_grasp, apply, rotation_z, translation
+from graspfn.geometry.transforms import T_world_grasp, apply, translation
 from graspfn.imaging.camera import Camera
-from graspfn.imaging.height_map import CELL_M, HeightMap, height_map
-from graspfn.imaging.holes import check_image, fill_holes
-from graspfn.imaging.network_input import check_papers, depth_input, height_map_input
-from graspfn.imaging.table import TableError, TableFit, fit_table
+from graspfn.imaging.height_map import HeightMap
+from graspfn.imaging.holes import check_image
+from graspfn.imaging.sight import Sight, look
+from graspfn.imaging.table import TableError, TableFit
 from graspfn.learning.folder import read_config, read_network
 from graspfn.params import Gripper, Plan, Table, build
-from graspfn.planning.centroid import centroid_grasp, object_mask
-from graspfn.planning.methods import best_grasp
+from graspfn.planning.centroid import centroid_grasp
+from graspfn.planning.methods import best_grasp, robust_best_grasp
 from graspfn.planning.model import DEFAULT, FEWEST_PX, check_model
-from graspfn.planning.objects import meets, whole_object
+from graspfn.planning.objects import refusal, where_met
 from graspfn.planning.onnx_network import OnnxNetwork
 from graspfn.planning.robust import RobustFunction
 from graspfn.planning.uncertainty import PlanningError, PoseUncertainty
@@ -158,94 +157,53 @@ class GraspPlanner:
         method = Method(method)
         check_image(depth, camera)
         view = _view(depth.shape, roi, mask)
-        T_robot_camera = _product(T_robot_gripper, T_gripper_camera)
-        try:
-            camera, fit = self._stand(depth, camera, posed)
-        except TableError as error:
-            return NoGrasp(str(error))
-        if why := self._too_coarse(camera):
-            return NoGrasp(why, fit)
-        shown = depth if view is None else np.where(view, depth, camera.bare_table()).astype(np.float32)
-        seen = height_map(shown, camera)
-        if why := whole_object(seen, shown, camera, view):
-            return NoGrasp(why, fit)
-        function = RobustFunction(self._function(shown, seen, camera), uncertainty)
-        q = self._pose(method, function, seen)
-        if q is None:
-            return NoGrasp("score: no pose has one above 0", fit)
-        score, robust_score = (float(f.at(q[None]).item()) for f in (RobustFunction(function.f, CERTAIN), function))
-        if robust_score < min_score:
-            return NoGrasp(f"score: {robust_score:.3f} at best; min_score takes {min_score:g}", fit)
-        z_m = self.gripper.clearance_mm / 1000
-        T_camera_grasp = np.linalg.inv(camera.T_world_camera) @ translation(0, 0, z_m) @ T_world_grasp(q)
-        return Grasp(
-            method=method,
-            q=q,
-            z_m=z_m,
-            pixel=_pixel(q, z_m, camera),
-            T_camera_grasp=T_camera_grasp,
-            T_robot_grasp=None if T_robot_camera is None else T_robot_camera @ T_camera_grasp,
-            score=score,
-            robust_score=robust_score,
-            function=function,
-            seen=seen,
-            camera=camera,
-            table=fit,
-        )
-
-    def _stand(self, depth: np.ndarray, camera: Camera, posed: bool) -> tuple[Camera, TableFit | None]:
-        """The camera where it stands over the table. Networks that see the depth image itself believe its pose."""
         if self.input == "depth" and not posed:
             raise PlanningError("camera: its pose is unknown; a network with input: depth takes the paper's")
-        if self.input == "depth":
-            check_papers(camera)
-            return camera, None
-        if posed and not self.table.fit:
-            return camera, None
-        if posed:
-            fit = fit_table(depth, camera, self.table)
-        else:
-            limits = dataclasses.replace(self.table, max_offset_mm=np.inf)
-            fit = _over_the_axis(fit_table(depth, camera, limits))
-        return camera.at(fit.T_world_camera), fit
-
-    def _too_coarse(self, camera: Camera) -> str:
-        px = min(camera.K[:2]) * CELL_M / camera.table_depth
-        if px >= self.fewest_px:
-            return ""
-        nearest = camera.table_depth * px / self.fewest_px
-        return (
-            f"camera: {camera.table_depth:.2f} m from the table {px:.2g} px see {1000 * CELL_M:g} mm, where the "
-            f"network takes {self.fewest_px:g}; that is from {nearest:.2f} m and nearer"
-        )
-
-    def _function(self, depth: np.ndarray, seen: HeightMap, camera: Camera) -> np.ndarray:
-        """(33, 44, 6) float64: the network's scores where the gripper meets the object, 0 elsewhere."""
-        if self.input == "depth":
-            inputs = depth_input(fill_holes(depth, camera), camera)[None]
-        else:
-            inputs = height_map_input(seen)
-        scores, _ = self.predict(inputs)
-        return np.where(meets(object_mask(seen), self.gripper), scores, 0.0)
+        T_robot_camera = _product(T_robot_gripper, T_gripper_camera)
+        try:
+            sight = look(depth, camera, self.input, self.table, posed=posed, view=view)
+        except TableError as error:
+            return NoGrasp(str(error))
+        if why := refusal(sight, self.fewest_px):
+            return NoGrasp(why, sight.table)
+        scores, _ = self.predict(sight.inputs)
+        function = RobustFunction(where_met(scores, sight.seen, self.gripper), uncertainty)
+        q = self._pose(method, function, sight.seen)
+        if q is None:
+            return NoGrasp("score: no pose has one above 0", sight.table)
+        grasp = self._grasp(method, q, function, sight, T_robot_camera)
+        if grasp.robust_score < min_score:
+            why = f"score: {grasp.robust_score:.3f} at best; min_score takes {min_score:g}"
+            return NoGrasp(why, sight.table)
+        return grasp
 
     def _pose(self, method: Method, function: RobustFunction, seen: HeightMap) -> np.ndarray | None:
         if method is Method.CENTROID:
             return centroid_grasp(seen)
-        if method is Method.BEST:
-            return best_grasp(function.f)
-        highest = function.highest(self.refinement)
-        return None if highest is None else function.between(highest.poses[0], self.refinement)
+        return best_grasp(function.f) if method is Method.BEST else robust_best_grasp(function, self.refinement)
+
+    def _grasp(
+        self, method: Method, q: np.ndarray, function: RobustFunction, sight: Sight, T_robot_camera: np.ndarray | None
+    ) -> Grasp:
+        z_m = self.gripper.clearance_mm / 1000
+        T_camera_grasp = np.linalg.inv(sight.camera.T_world_camera) @ translation(0, 0, z_m) @ T_world_grasp(q)
+        return Grasp(
+            method=method,
+            q=q,
+            z_m=z_m,
+            pixel=_pixel(q, z_m, sight.camera),
+            T_camera_grasp=T_camera_grasp,
+            T_robot_grasp=None if T_robot_camera is None else T_robot_camera @ T_camera_grasp,
+            score=float(RobustFunction(function.f, CERTAIN).at(q[None]).item()),
+            robust_score=float(function.at(q[None]).item()),
+            function=function,
+            seen=sight.seen,
+            camera=sight.camera,
+            table=sight.table,
+        )
 
 
 CERTAIN = PoseUncertainty((0.0, 0.0))
-
-
-def _over_the_axis(fit: TableFit) -> TableFit:
-    """The same with the world's origin where the optical axis meets the table, and +u along the image's x on it."""
-    T = rotation_z(-np.arctan2(fit.T_world_camera[1, 0], fit.T_world_camera[0, 0])) @ fit.T_world_camera
-    ahead = T[:3, 2]
-    x, y, _ = T[:3, 3] + ahead * (T[2, 3] / -ahead[2])
-    return dataclasses.replace(fit, T_world_camera=translation(-x, -y) @ T)
 
 
 def _pixel(q: np.ndarray, z_m: float, camera: Camera) -> np.ndarray:

@@ -46,7 +46,8 @@ def hat_weights(offset: np.ndarray, sigma: float) -> np.ndarray:
     """E[max(0, 1 - |offset + sigma Z|)] (...): offset and sigma in cells; hat is a second difference of max(0, .)."""
     # Symmetric in the offset; the negative side avoids subtracting large numbers.
     left = -np.abs(offset)
-    weights = _mean_excess(left + 1, sigma) - 2 * _mean_excess(left, sigma) + _mean_excess(left - 1, sigma)
+    right, middle, beyond = _mean_excess(np.stack([left + 1, left, left - 1]), sigma)
+    weights = right - 2 * middle + beyond
     return np.maximum(weights, 0.0)
 
 

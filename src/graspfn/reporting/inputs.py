@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from graspfn.evaluation.planner import view
 from graspfn.imaging.camera import Camera
 from graspfn.imaging.holes import fill_holes
 from graspfn.imaging.noise import observe
@@ -17,6 +18,7 @@ from graspfn.imaging.table import TableError, fit_table
 from graspfn.meshes.placed import load_resting, read_resting, resting_rows
 from graspfn.meshes.store import read_manifest
 from graspfn.physics.world import Rig
+from graspfn.planning.objects import where_met
 from graspfn.reporting.figures.depth_images import ExecutedGrasp
 from graspfn.reporting.film import Film, film_best_grasp, film_failure
 from graspfn.reporting.parameters import Parameter, flat_parameters
@@ -45,11 +47,13 @@ class LabelledExample:
 
 @dataclass(frozen=True, eq=False)
 class PredictedExample:
-    """A test object: noise-free depth (480, 640), metres; each network's function (33, 44, 6) in [0, 1]."""
+    """A test object: noise-free depth (480, 640), metres; each network's function (33, 44, 6) in [0, 1], and what of it
+    is planned on, 0 where the gripper does not meet the object."""
 
     id: str
     depth: np.ndarray
     functions: dict[str, np.ndarray]
+    planned_on: dict[str, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,14 +132,25 @@ def _labelled(data: Path, labels: Mapping[str, np.ndarray], params: Any) -> Labe
     return LabelledExample(name, depth, observe(depth, params.noise, params.seed, name), f)
 
 
-def _predicted(data: Path, networks: dict[str, str]) -> tuple[PredictedExample, ...]:
+def _predicted(data: Path, networks: dict[str, str], params: Any) -> tuple[PredictedExample, ...]:
     index = pd.read_parquet(data / "images/test.parquet")
     images = np.load(data / "images/test.npy", mmap_mode="r")
-    functions = {network: read_npz(data / f"functions/{run}.npz")["scores"] for network, run in networks.items()}
+    predicted = {network: read_npz(data / f"functions/{run}.npz") for network, run in networks.items()}
     rows = [index["row"].tolist()[position] for position in spread(index["class"], SHOWN_TEST)]
     names = index.set_index("row")["id"]
+    camera = Camera.from_params(params.camera)
+
+    def planned_on(row: int, f: Mapping[str, np.ndarray]) -> np.ndarray:
+        image = observe(images[row], params.noise, params.seed, names[row])
+        return where_met(f["scores"][row], view(image, camera, str(f["input"]), params.table).seen, params.gripper)
+
     return tuple(
-        PredictedExample(names[row], np.array(images[row]), {key: f[row] for key, f in functions.items()})
+        PredictedExample(
+            names[row],
+            np.array(images[row]),
+            {key: f["scores"][row] for key, f in predicted.items()},
+            {key: planned_on(row, f) for key, f in predicted.items()},
+        )
         for row in rows
     )
 
@@ -247,7 +262,7 @@ def load_inputs(data: Path, params: Any, stage_seconds: Mapping[str, float]) -> 
         robot_uncertainty=pd.read_parquet(data / "robot_uncertainty.parquet"),
         robot_unused=pd.read_parquet(data / "robot_unused.parquet"),
         labelled=labelled,
-        predicted=_predicted(data, networks),
+        predicted=_predicted(data, networks, params),
         film=_film(data, labels, labelled.id, params),
         films=_films(data, labels, params),
         recorded=_recorded(data, robot_trials, params),

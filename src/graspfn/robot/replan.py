@@ -8,14 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from graspfn.evaluation.bench import Scene
-from graspfn.evaluation.planner import GraspFunction, Planner
-from graspfn.geometry.grid import angle_difference
+from graspfn.evaluation.planner import GraspFunction, Planner, view
+from graspfn.geometry import grid
 from graspfn.imaging.camera import Camera
-from graspfn.imaging.height_map import see_heights
-from graspfn.imaging.network_input import network_input
 from graspfn.learning.networks import GraspNetwork
 from graspfn.learning.prediction import predict_both
-from graspfn.params import Table
+from graspfn.params import Gripper, Table
 from graspfn.planning.robust import RobustFunction
 from graspfn.planning.uncertainty import PoseUncertainty
 from graspfn.robot.trial import TrialRecording
@@ -26,19 +24,23 @@ SAME_M, SAME_RAD = 0.01, np.radians(30)  # a cell of Q: an image rounded to mill
 @dataclass(frozen=True, eq=False)
 class Replanned:
     """q: (3,) by the trial's own method, None where it finds no grasp; f and robust: (33, 44, 6), the network's
-    function and the same smoothed by the Sigma that the trial assumed."""
+    function where the gripper meets the object, and the same smoothed by the Sigma that the trial assumed. refused: why
+    the image is not planned on, "" where it is."""
 
     q: np.ndarray | None
     f: np.ndarray
     robust: np.ndarray
+    refused: str = ""
 
     def differs(self, recorded: np.ndarray | None) -> str:
         """In words, how the pose differs from the recorded one; "" where it does not."""
         if self.q is None or recorded is None:
-            alike = self.q is None and recorded is None
-            return "" if alike else f"planned again, {'no grasp' if self.q is None else 'a grasp'} is found"
+            if self.q is None and recorded is None:
+                return ""
+            why = f": {self.refused}" if self.refused else ""
+            return f"planned again, {'no grasp' if self.q is None else 'a grasp'} is found{why}"
         away = float(np.hypot(*(self.q - recorded)[:2]))
-        turned = float(abs(angle_difference(self.q[2], recorded[2])))
+        turned = float(abs(grid.angle_difference(self.q[2], recorded[2])))
         if away <= SAME_M and turned <= SAME_RAD:
             return ""
         return f"planned again, the pose is {away * 1000:.0f} mm and {np.degrees(turned):.0f}° from the recorded one"
@@ -53,6 +55,7 @@ class Replanner:
     planner: Planner
     camera: Camera
     table: Table
+    gripper: Gripper
 
     def replan(self, trial: TrialRecording) -> Replanned | None:
         """None for a trial of another network, or none. Errors of images that cannot be planned on pass through."""
@@ -63,10 +66,13 @@ class Replanner:
         height, width = trial.depth.shape
         (fx, _, cx), (_, fy, cy) = trial.camera_matrix[:2].tolist()
         camera = Camera(width, height, (fx, fy, cx, cy), trial.distortion, self.camera.T_world_camera)
-        scores, likeliest = predict_both(network, network_input(trial.depth, camera, kind, self.table)[None])
-        scene = Scene(f"{c.object}-{c.placement}", see_heights(trial.depth, camera, self.table), np.zeros(2), 0.0)
-        function = GraspFunction(c.network, 0, scores[0], likeliest[0])
+        own = view(trial.depth, camera, kind, self.table)
+        scores = likeliest = np.zeros((1, *grid.SHAPE), np.float32)
+        if own.inputs is not None:
+            scores, likeliest = predict_both(network, own.inputs[None])
+        function = GraspFunction(c.network, 0, scores[0], likeliest[0]).where_met(own.seen, self.gripper)
+        scene = Scene(f"{c.object}-{c.placement}", own.seen, np.zeros(2), 0.0)
         assumed = PoseUncertainty.of(c.sigma_uv_mm, c.sigma_theta_deg)
         plans = self.planner.plans(scene, [function], [assumed])[0]
         q = next(plan.q for plan in plans if plan.method == c.method)
-        return Replanned(q, scores[0], RobustFunction(scores[0], assumed).on_q)
+        return Replanned(q, function.f, RobustFunction(function.f, assumed).on_q, own.refused)

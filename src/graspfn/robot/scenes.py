@@ -10,11 +10,10 @@ import numpy as np
 import torch
 
 from graspfn.evaluation.bench import Scene
-from graspfn.evaluation.planner import GraspFunction, Planner
+from graspfn.evaluation.planner import GraspFunction, Planner, View, view
+from graspfn.geometry import grid
 from graspfn.geometry.transforms import T_world_scene
 from graspfn.imaging.camera import Camera
-from graspfn.imaging.height_map import HeightMap, see_heights
-from graspfn.imaging.network_input import network_input
 from graspfn.imaging.placement import PLACING, random_placement
 from graspfn.imaging.renderers import Renderer
 from graspfn.learning.networks import GraspNetwork
@@ -73,17 +72,18 @@ class Scenes:
         rng = generator(seed, "record_robot", name, placement)
         shift, theta = random_placement(self.render(mesh, T, PLACING), rng)
         raw = see(self.render(mesh, T_world_scene(shift, theta) @ T, camera), self.noise, camera, rng)
-        scene = Scene(key, see_heights(raw, camera, self.table), shift, theta)
-        functions = self._functions(raw, scene.seen)
+        kinds = {"height_map", *(kind for _, kind, _ in self.networks.values())}
+        views = {kind: view(raw, camera, kind, self.table) for kind in kinds}
+        scene = Scene(key, views["height_map"].seen, shift, theta)
+        functions = self._functions(views)
         plans = self.planner.plans(scene, functions, [PoseUncertainty.of(*cell) for cell in self.cells])
         return Seen(name, placement, raw, scene), self.cells, plans, resting, self.rig, camera, seed
 
-    def _functions(self, depth: np.ndarray, seen: HeightMap) -> list[GraspFunction]:
-        inputs = {
-            kind: network_input(depth, self.camera, kind, self.table, seen)[None]
-            for kind in {kind for _, kind, _ in self.networks.values()}
-        }
-        return [
-            GraspFunction(name, seed, predict(network, inputs[kind], self.device)[0])
-            for name, (seed, kind, network) in self.networks.items()
-        ]
+    def _functions(self, views: Mapping[str, View]) -> list[GraspFunction]:
+        functions = []
+        for name, (seed, kind, network) in self.networks.items():
+            inputs, f = views[kind].inputs, np.zeros(grid.SHAPE, np.float32)
+            if inputs is not None:
+                f = predict(network, inputs[None], self.device)[0]
+            functions.append(GraspFunction(name, seed, f).where_met(views[kind].seen, self.rig.gripper))
+        return functions

@@ -10,6 +10,7 @@ import pandas as pd
 from graspfn.evaluation.planner import TRUE
 from graspfn.geometry import grid
 from graspfn.planning.methods import ROBUST, best_grasp, robust_best_grasp
+from graspfn.planning.robust import RobustFunction
 from graspfn.planning.smoothing import axis_weights
 from graspfn.planning.uncertainty import PoseUncertainty
 from graspfn.reporting.figures import (
@@ -68,7 +69,8 @@ def _robust(
 ) -> np.ndarray | None:
     """Ties are drawn as the evaluation draws them."""
     rng = generator(inputs.params.seed, "plan", example.id, network)
-    return robust_best_grasp(example.functions[network], PoseUncertainty.of(*sigma), inputs.params.plan, rng)
+    function = RobustFunction(example.planned_on[network], PoseUncertainty.of(*sigma))
+    return robust_best_grasp(function, inputs.params.plan, rng)
 
 
 def _functions(inputs: ReportInputs, network: str) -> Iterator[Plate]:
@@ -99,7 +101,7 @@ def _functions(inputs: ReportInputs, network: str) -> Iterator[Plate]:
     poses = {
         name: [
             (
-                best_grasp(example.functions[name], generator(inputs.params.seed, "plan", example.id, name)),
+                best_grasp(example.planned_on[name], generator(inputs.params.seed, "plan", example.id, name)),
                 _robust(inputs, example, name, PREDICTION_SIGMA),
             )
             for example in inputs.predicted
