@@ -13,7 +13,7 @@ from test_imaging_table import LAX, LIMITS, NOISE
 from graspfn.geometry.grid import axes
 from graspfn.geometry.transforms import T_world_scene, translation
 from graspfn.imaging.camera import Camera, straight_down
-from graspfn.imaging.height_map import CELL_M, SHAPE, TABLE_M, height_map
+from graspfn.imaging.height_map import BAND_M, CELL_M, SHAPE, TABLE_M, _enough, _heights, height_map
 from graspfn.imaging.holes import DepthError
 from graspfn.imaging.network_input import depth_input
 from graspfn.imaging.noise import add_noise
@@ -150,6 +150,39 @@ def test_byte_order_strides_and_precision_do_not_show(rng):
     expected = look(depth, CAMERA, "height_map", LIMITS).seen.heights
     for same in (depth.astype(">f4"), depth.astype(float), np.asfortranarray(depth), wide[:, ::2]):
         np.testing.assert_array_equal(look(same, CAMERA, "height_map", LIMITS).seen.heights, expected)
+
+
+def highest_together(points, enough):
+    """The mean of the highest of which enough lie within BAND_M; if nowhere, of the very highest. As it is said."""
+    means = []
+    for highest in sorted(points, reverse=True):
+        together = [point for point in points if highest - BAND_M <= point <= highest]
+        means.append(np.mean(together))
+        if len(together) >= enough:
+            return means[-1]
+    return means[0]
+
+
+def test_a_cell_takes_the_highest_points_that_lie_together(rng):
+    """Of surfaces under strays, of walls, and of what nothing bears out."""
+    heights = [
+        np.concatenate([rng.uniform(0, 0.3, rng.integers(0, 4)), rng.uniform(0, 0.2) + spread * rng.random(count)])
+        for spread in (0.001, 0.01, 0.2)
+        for count in rng.integers(1, 30, size=200)
+    ]
+    cells = rng.choice(SHAPE[0] * SHAPE[1], len(heights), replace=False)
+    cell = np.repeat(cells, [len(points) for points in heights])
+    height, mixed = np.concatenate(heights).astype(np.float32), rng.permutation(len(cell))
+    found = _heights(cell[mixed], height[mixed], CAMERA).ravel()
+    assert np.isnan(np.delete(found, cells)).all()
+    starts = np.flatnonzero(np.r_[True, np.diff(cell) != 0])
+    highest, counts = np.zeros(found.size), np.zeros(found.size, dtype=int)
+    highest[cells], counts[cells] = np.maximum.reduceat(height, starts), [len(points) for points in heights]
+    enough = _enough(highest, counts, CAMERA)[cells]
+    expected = [
+        highest_together(points, least) for points, least in zip(np.split(height, starts[1:]), enough, strict=True)
+    ]
+    np.testing.assert_allclose(found[cells], expected, atol=1e-6)
 
 
 def test_without_the_fit_the_pose_is_believed():

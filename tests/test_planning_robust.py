@@ -193,3 +193,14 @@ def test_nothing_above_zero_is_no_grasp_and_no_function_is_refused(sigma):
         assert robust_best_grasp(RobustFunction(f, sigma), PLAN) is None
     with pytest.raises(PlanningError, match=r"^grasp function"):
         RobustFunction(np.full(grid.SHAPE, np.nan), sigma)
+
+
+@pytest.mark.parametrize("rank", [1, 2, 3])
+def test_few_poses_and_many_have_the_same_values(rank):
+    """Within Q, at its edges and past a turn of theta; one way sums at the vertices, the other at the errors."""
+    rng = np.random.default_rng(rank)
+    factor = rng.normal(size=(3, rank)) * [[0.01], [0.02], [0.5]]
+    coupled = Coupled(random_function(rng), factor @ factor.T)
+    index = rng.uniform([-2, -2, -7], [35, 46, 13], size=(40, 3))
+    index[:3] = [0, 0, 0], [32, 43, 5], [16, 20, -1e-20]
+    np.testing.assert_allclose(coupled.at_index(index), coupled.at_few(index), atol=1e-12)

@@ -86,9 +86,9 @@ def _heights(cell: np.ndarray, height: np.ndarray, camera: Camera) -> np.ndarray
     highest = np.full(cells, -np.inf, np.float32)
     np.maximum.at(highest, cell, height)
     enough = _enough(np.where(points > 0, highest, np.float32(0)), points, camera)
-    near = np.flatnonzero(height >= (highest - np.float32(BAND_M))[cell])
-    count = np.bincount(cell[near], minlength=cells)
-    total = np.bincount(cell[near], height[near], minlength=cells)
+    lower = np.flatnonzero(height < (highest - np.float32(BAND_M))[cell])  # far fewer than the others
+    count = points - np.bincount(cell[lower], minlength=cells)
+    total = np.bincount(cell, height, minlength=cells) - np.bincount(cell[lower], height[lower], minlength=cells)
     heights = np.divide(total, count, out=np.full(cells, np.nan), where=count > 0)
     # The first of them may be strays over what is there. Where it is so, each point in turn, from the highest down.
     left = np.flatnonzero((count < enough)[cell])
