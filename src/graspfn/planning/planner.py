@@ -221,6 +221,7 @@ class GraspPlanner:
 
 
 CERTAIN = PoseUncertainty((0.0, 0.0))
+FURTHEST_M = 1e6  # of one of a robot's frames from another; NaN is further
 
 
 def _over_the_axis(fit: TableFit) -> TableFit:
@@ -276,7 +277,7 @@ def _product(T_robot_gripper: np.ndarray | None, T_gripper_camera: np.ndarray | 
 def check_rigid(T: np.ndarray, name: str) -> np.ndarray:
     """(4, 4) float64, if T is a rigid transform; PlanningError if it is none."""
     matrix = np.asarray(T, dtype=float)
-    rigid = matrix.shape == (4, 4) and np.allclose(matrix[3], [0, 0, 0, 1])
+    rigid = matrix.shape == (4, 4) and bool((abs(matrix) <= FURTHEST_M).all()) and np.allclose(matrix[3], [0, 0, 0, 1])
     turn = matrix[:3, :3] if rigid else np.zeros((3, 3))
     if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-4) or np.linalg.det(turn) < 0:
         raise PlanningError(f"{name}: takes a rigid transform, 4 x 4")
