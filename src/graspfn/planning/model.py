@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -31,3 +32,14 @@ def check_model(config: dict[str, Any], folder: Path) -> None:
     fewest = config["camera"].get("fewest_px") if isinstance(config.get("camera"), dict) else None
     if not isinstance(fewest, int | float) or not fewest > 0:
         raise ModelError(f"{path}: camera.fewest_px: takes a number above 0, not {fewest!r}")
+
+
+def largest_object_m(config: dict[str, Any], folder: Path) -> float:
+    """The largest dimension of an object in training, metres; infinite where config.json does not say."""
+    meshes = config["training"].get("meshes") if isinstance(config.get("training"), dict) else None
+    most = meshes.get("size_max_cm") if isinstance(meshes, dict) else None
+    if most is None:
+        return math.inf
+    if not isinstance(most, int | float) or not most > 0:
+        raise ModelError(f"{folder / 'config.json'}: training.meshes.size_max_cm: takes a number above 0, not {most!r}")
+    return float(most) / 100

@@ -13,6 +13,12 @@ from graspfn.params import Gripper
 from graspfn.planning.centroid import object_mask
 
 LEAST_CELLS = 16  # a square centimetre; less is a speck
+# An object's highest LEAST_CELLS, in sigmas of the table around it. Over empty tables with all of conf/noise/sensors.yaml
+# waves reach 3.9 at most, and the flattest of the test objects, 9 mm, stands 4.6 or more out of them.
+ROUGH_SIGMAS = 4.2
+AROUND_M = 0.05  # what the network sees beside an object, and a hand may meet
+LEAST_SEEN = 0.5  # of the cells there; with all of sensors.yaml 0.63 to 1 are seen
+LARGER = 1.05  # than any object of training, heights being off by 2% and edges by a cell
 # Pieces no further apart are one object's, the legs of a chair: no finger goes between them without touching one. The
 # test objects' pieces are up to 21 mm apart.
 APART_M = 0.03
@@ -25,13 +31,13 @@ EVERY_PX = 4
 HALF_M = np.array(SHAPE[::-1]) * CELL_M / 2  # of Q's extent along u and v
 
 
-def whole_object(seen: HeightMap, depth: np.ndarray, camera: Camera, view: np.ndarray | None) -> str:
+def whole_object(seen: HeightMap, depth: np.ndarray, camera: Camera, view: np.ndarray | None, most_m: float) -> str:
     """Why there is not one whole object to plan on, in a line; empty where there is.
 
     depth: (height, width), metres; camera: where it stands over the table; view: (height, width) bool, the pixels that
-    count, None for all.
+    count, None for all; most_m: the largest dimension that an object of training had.
     """
-    mask = object_mask(seen)
+    mask = _standing_out(seen)
     if mask.sum() < LEAST_CELLS:
         return "no object: nothing stands out of the table where the gripper can be sent"
     count = objects(mask)
@@ -46,7 +52,42 @@ def whole_object(seen: HeightMap, depth: np.ndarray, camera: Camera, view: np.nd
         if _standing_near(mask, beside, depth, camera, beyond=BESIDE_M) >= FEW_POINTS:
             width, height = 200 * HALF_M
             return f"the object leaves the {width:g} x {height:g} cm of the table that grasps are planned on"
+    return _too_large(seen, mask, most_m) or _unseen(seen, mask)
+
+
+def _top(seen: HeightMap) -> float:
+    """Height that LEAST_CELLS reach, metres."""
+    return float(np.partition(seen.heights, -LEAST_CELLS, axis=None)[-LEAST_CELLS])
+
+
+def _standing_out(seen: HeightMap) -> np.ndarray:
+    """(132, 176) bool: `object_mask`, without pieces that may be waves of the table."""
+    mask = object_mask(seen)
+    table = seen.heights[seen.seen & ~mask]
+    sigma = 1.4826 * float(np.median(abs(table - np.median(table)))) if table.size else 0.0
+    if _top(seen) < ROUGH_SIGMAS * sigma:
+        return np.zeros_like(mask)
+    pieces, count = ndimage.label(mask, structure=np.ones((3, 3)))
+    tops = ndimage.maximum(seen.heights, pieces, np.arange(count + 1))
+    return mask & (np.asarray(tops) >= ROUGH_SIGMAS * sigma)[pieces]
+
+
+def _too_large(seen: HeightMap, mask: np.ndarray, most_m: float) -> str:
+    """An object lies on the table with its largest dimension across, upright or along a diagonal."""
+    across = max(cv2.minAreaRect(np.argwhere(mask).astype(np.float32))[1]) * CELL_M
+    for name, size, most in (("high", _top(seen), most_m), ("long", across, np.sqrt(2) * most_m)):
+        if size > LARGER * most:
+            return f"the object is {100 * size:.0f} cm {name}; the network's were up to {100 * most:.0f}"
     return ""
+
+
+def _unseen(seen: HeightMap, mask: np.ndarray) -> str:
+    radius = round(AROUND_M / CELL_M)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    share = float(seen.seen[cv2.dilate(mask.astype(np.uint8), disc) > 0].mean())
+    if share >= LEAST_SEEN:
+        return ""
+    return f"holes: {share:.0%} of what is within {100 * AROUND_M:g} cm of the object is seen; it takes {LEAST_SEEN:.0%}"
 
 
 def objects(mask: np.ndarray) -> int:

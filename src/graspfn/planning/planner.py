@@ -24,7 +24,7 @@ from graspfn.imaging.table import TableError, TableFit, fit_table
 from graspfn.params import Gripper, Plan, Table, build
 from graspfn.planning.centroid import centroid_grasp, object_mask
 from graspfn.planning.methods import best_grasp
-from graspfn.planning.model import FEWEST_PX, check_model
+from graspfn.planning.model import FEWEST_PX, check_model, largest_object_m
 from graspfn.planning.objects import meets, whole_object
 from graspfn.planning.robust import RobustFunction
 from graspfn.planning.uncertainty import PlanningError, PoseUncertainty
@@ -86,6 +86,7 @@ class GraspPlanner:
 
     input: `network.*.input` of the network behind `predict`. gripper, table, refinement: as gripper, table and plan in
     params.yaml. fewest_px: a side that have to see a cell of the height map, for an image like those of training.
+    most_m: the largest dimension that an object had there.
     """
 
     predict: Predictor
@@ -94,6 +95,7 @@ class GraspPlanner:
     table: Table
     refinement: Plan
     fewest_px: float = FEWEST_PX
+    most_m: float = np.inf
 
     @classmethod
     def load(
@@ -114,7 +116,8 @@ class GraspPlanner:
         table = table or build(Table, config.get("table"), f"{model}/config.json: table")
         plan = plan or build(Plan, config.get("plan"), f"{model}/config.json: plan")
         fewest_px = config.get("camera", {}).get("fewest_px", FEWEST_PX)
-        return cls(OneByOne(load_network(model)), input_kind(model), gripper, table, plan, fewest_px)
+        most_m = largest_object_m(config, model)
+        return cls(OneByOne(load_network(model)), input_kind(model), gripper, table, plan, fewest_px, most_m)
 
     def plan(
         self,
@@ -150,7 +153,7 @@ class GraspPlanner:
             return NoGrasp(why, fit)
         shown = depth if view is None else np.where(view, depth, camera.bare_table()).astype(np.float32)
         seen = height_map(shown, camera)
-        if why := whole_object(seen, shown, camera, view):
+        if why := whole_object(seen, shown, camera, view, self.most_m):
             return NoGrasp(why, fit)
         function = RobustFunction(self._function(shown, seen, camera), uncertainty)
         q = self._pose(method, function, seen)
