@@ -49,7 +49,7 @@ $(STAMP): requirements.lock pyproject.toml | python
 # the build of torch that a machine gets, not to this project.
 lock: | python
 	"$(PYTHON)" -m venv --clear .venv-lock
-	.venv-lock/bin/python -m pip install -qq --disable-pip-version-check '.[workflow,dev,opengl,bench]'
+	.venv-lock/bin/python -m pip install -qq --disable-pip-version-check '.[workflow,dev,opengl,bench,serve]'
 	{ echo "# Every package in .venv. Made by \`make lock\` from pyproject.toml; do not edit."; \
 	  echo "# torch is pinned without a local tag: where pip finds a CUDA build, it adds the nvidia-* packages of that build."; \
 	  .venv-lock/bin/python -m pip freeze --all --exclude pip --exclude graspfn \

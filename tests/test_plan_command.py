@@ -279,7 +279,7 @@ def test_a_unit_that_puts_no_table_under_the_camera_is_questioned(workplace, wri
         ("object.npy", None, ["--method", "better"], "--method better: takes one of robust, best, centroid"),
         ("object.npy", None, ["--sigma-uv-mm", "-1"], "--sigma-uv-mm -1: takes a finite number"),
         ("object.npy", None, ["--sigma-theta-deg", "nan"], "--sigma-theta-deg nan: takes a finite number"),
-        ("object.npy", None, ["--covariance", "text.png"], "--covariance text.png: takes no --sigma-uv-mm"),
+        ("object.npy", None, ["--covariance", "nine.txt"], "--covariance nine.txt: takes no --sigma-uv-mm"),
         ("object.npy", None, ["--roi", "1,2,3"], "--roi 1,2,3: takes four whole numbers"),
         ("object.npy", None, ["--roi", "600,0,100,100"], "object.npy: --roi: (600, 0, 100, 100) is not within"),
         ("object.npy", None, ["--mask", "text.png"], "--mask text.png: takes an image"),
@@ -305,6 +305,7 @@ def test_bad_input_names_its_file_and_option(workplace, image, camera, more, say
     Path("flat.pcd").write_text("FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 2\nHEIGHT 1\nDATA ascii\n0 0 1\n0 1 1\n")
     Image.fromarray(np.zeros((4, 4, 3), np.uint8)).save("colour.png")
     Image.fromarray(np.zeros((4, 4), np.uint8)).save("eight.png")
+    np.savetxt("nine.txt", np.eye(3))
     np.savetxt("eye.txt", np.eye(4))
     np.savetxt("twice.txt", 2 * np.eye(4))
     refused(says, image, camera, more)

@@ -14,6 +14,7 @@ from graspfn.commands.logs import logs
 from graspfn.commands.model import model
 from graspfn.commands.params import params
 from graspfn.commands.plan import plan
+from graspfn.commands.serve import serve
 from graspfn.commands.trial import trial
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
@@ -34,7 +35,7 @@ def _options(
     """Parameters, checks, one mesh's labels, grasps for depth images, recordings; `dvc repro` runs the workflow."""
 
 
-for command in (params, check, label, plan, trial, logs):
+for command in (params, check, label, plan, serve, trial, logs):
     app.command()(command)
 app.add_typer(model, name="model")
 

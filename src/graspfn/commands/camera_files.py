@@ -90,15 +90,32 @@ def _ros_transform(path: Path, option: str) -> np.ndarray:
 
 def read_matrix(path: Path, option: str, size: int) -> np.ndarray:
     """(size, size) numbers of a text file, between blanks, commas or lines; # begins a comment."""
-    lines = (line.partition("#")[0].replace(",", " ") for line in _text(path, option).splitlines())
+    return matrix_of(_text(path, option), f"{option} {path}", size)
+
+
+def matrix_of(text: str, name: str, size: int) -> np.ndarray:
+    """The same of a text; InputError begins with its name."""
+    lines = (line.partition("#")[0].replace(",", " ") for line in text.splitlines())
     words = [word for line in lines for word in line.split()]
     try:
         numbers = np.array([float(word) for word in words])
     except ValueError as error:
-        raise InputError(f"{option} {path}: {error}") from None
+        raise InputError(f"{name}: {error}") from None
     if numbers.size != size * size or not np.isfinite(numbers).all():
-        raise InputError(f"{option} {path}: has {numbers.size} numbers; it takes {size * size} finite ones")
+        raise InputError(f"{name}: has {numbers.size} numbers; it takes {size * size} finite ones")
     return numbers.reshape(size, size)
+
+
+def read_covariance_file(path: Path, option: str) -> np.ndarray:
+    """(3, 3) of (u, v, theta), metres and radians: nine numbers, or, in YAML, what `graspfn logs` has written."""
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        return read_matrix(path, option, 3)
+    from graspfn.robot.covariance_file import read_covariance  # pandas is slow to import
+
+    try:
+        return read_covariance(path)
+    except RecordingError as error:
+        raise InputError(f"{option} {error}") from None
 
 
 def _text(path: Path, option: str) -> str:

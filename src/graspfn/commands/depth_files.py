@@ -6,8 +6,8 @@ import enum
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
 
+from graspfn.commands.depth_pixels import read_pixels
 from graspfn.commands.ending import InputError
 from graspfn.imaging.camera import Camera
 from graspfn.imaging.holes import holes
@@ -15,6 +15,7 @@ from graspfn.imaging.holes import holes
 SUFFIXES = (".png", ".tif", ".tiff", ".npy", ".pcd", ".mcap")
 # Between an arm's camera at its lowest and one under the ceiling. Half of an image's depths lie beyond its median.
 NEAREST_M, FURTHEST_M = 0.1, 3.0
+BEYOND_M = 1e5  # what is further was not measured: codes such as 1e30
 
 
 class Unit(str, enum.Enum):
@@ -43,7 +44,6 @@ def read_depth(path: Path, unit: Unit | None, topic: str | None) -> tuple[np.nda
         raise InputError(f"--topic {topic}: {path} has no topics; it takes an .mcap recording")
     if unit is not None and suffix in (".pcd", ".mcap"):
         raise InputError(f"--depth-unit {unit}: {path} says itself what its unit is; leave the option out")
-    used = None
     try:
         if suffix == ".mcap":
             from graspfn.commands.mcap_images import read_topic
@@ -54,30 +54,25 @@ def read_depth(path: Path, unit: Unit | None, topic: str | None) -> tuple[np.nda
 
             depth, camera = read_cloud(path)
         else:
-            pixels = _pixels(path)
-            used = unit or (Unit.MM if pixels.dtype.kind in "iu" else Unit.M)
-            depth, camera = _in_metres(pixels, used), None
+            with path.open("rb") as stream:
+                return depth_of(read_pixels(stream, suffix, str(path)), unit, str(path)), None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
-    depth = np.where(holes(depth, None), np.float32(np.nan), depth).astype(np.float32)
-    _question(depth, path, used)
-    return depth, camera
+    return _checked(depth, str(path), None), camera
 
 
-def _pixels(path: Path) -> np.ndarray:
-    try:
-        if path.suffix.lower() == ".npy":
-            pixels = np.load(path, allow_pickle=False)
-        else:
-            with Image.open(path) as image:
-                pixels = np.asarray(image)
-    except (UnidentifiedImageError, ValueError, EOFError, SyntaxError) as error:
-        raise InputError(f"{path}: cannot be read as {path.suffix}: {' '.join(str(error).split())}") from None
-    if pixels.ndim != 2 or 0 in pixels.shape:
-        raise InputError(f"{path}: has the shape {pixels.shape}; it takes one depth per pixel, (height, width)")
-    if pixels.dtype.kind not in "fiu" or pixels.dtype.itemsize == 1:
-        raise InputError(f"{path}: is of {pixels.dtype}; it takes depths of 16 bits or floating-point numbers")
-    return pixels
+def depth_of(pixels: np.ndarray, unit: Unit | None, name: str) -> np.ndarray:
+    """(height, width) of numbers in a unit, as for `read_depth` -> metres. InputError names the image."""
+    used = unit or (Unit.MM if pixels.dtype.kind in "iu" else Unit.M)
+    return _checked(_in_metres(pixels, used), name, used)
+
+
+def _checked(depth: np.ndarray, name: str, used: Unit | None) -> np.ndarray:
+    """float32, NaN where nothing was measured; used: the unit that was taken, None where the file has its own."""
+    nothing = holes(depth, None) | (depth > BEYOND_M)
+    depth = np.where(nothing, np.float32(np.nan), depth).astype(np.float32)
+    _question(depth, name, used)
+    return depth
 
 
 def _in_metres(pixels: np.ndarray, unit: Unit) -> np.ndarray:
@@ -87,14 +82,11 @@ def _in_metres(pixels: np.ndarray, unit: Unit) -> np.ndarray:
     return np.where(nothing, np.nan, pixels * unit.metres)
 
 
-def _question(depth: np.ndarray, path: Path, used: Unit | None) -> None:
-    """InputError where the depths are none of a table under a camera, with the unit that would make them so.
-
-    used: the unit that was taken, None where the file has its own.
-    """
+def _question(depth: np.ndarray, name: str, used: Unit | None) -> None:
+    """InputError where the depths are none of a table under a camera, with the unit that would make them so."""
     measured = depth[np.isfinite(depth)]
     if not len(measured):
-        raise InputError(f"{path}: no pixel holds a depth; it takes at least one")
+        raise InputError(f"{name}: no pixel holds a depth; it takes at least one")
     middle = float(np.median(measured))
     if NEAREST_M <= middle <= FURTHEST_M:
         return
@@ -102,4 +94,4 @@ def _question(depth: np.ndarray, path: Path, used: Unit | None) -> None:
     likely = [f"--depth-unit {unit} makes it {m:.3g}" for unit, m in others.items() if NEAREST_M <= m <= FURTHEST_M]
     taken = f"--depth-unit {used}" if used else "its own unit"
     hint = f"; {', '.join(likely)}" if likely else ""
-    raise InputError(f"{path}: {taken} has the middle of its depths at {middle:.3g} m, where no table is{hint}")
+    raise InputError(f"{name}: {taken} has the middle of its depths at {middle:.3g} m, where no table is{hint}")

@@ -39,7 +39,8 @@ def plan(
     sigma_uv_mm: Annotated[float | None, typer.Option(metavar="MM", help="Std of where the gripper arrives.")] = None,
     sigma_theta_deg: Annotated[float | None, typer.Option(metavar="DEG", help="Std of its angle.")] = None,
     covariance: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Of (u, v, theta) instead: 3 x 3, metres and radians.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Of (u, v, theta) instead: 3 x 3, m and rad; or what `graspfn logs` wrote."),
     ] = None,
     method: Annotated[str, typer.Option(help=METHODS)] = "robust",
     roi: Annotated[str | None, typer.Option(metavar="X,Y,W,H", help="Only these pixels may show the object.")] = None,
@@ -71,12 +72,17 @@ def plan(
             camera=planned.camera_of(camera, {"--fx": fx, "--fy": fy, "--cx": cx, "--cy": cy}),
             unit=planned.unit_of(depth_unit),
             topic=topic,
-            T_world_camera=planned.pose_of(camera_pose),
-            uncertainty=planned.uncertainty_of(sigma_uv_mm, sigma_theta_deg, covariance, needed=method == "robust"),
+            T_world_camera=planned.pose_of(planned.transform_in(camera_pose, "--camera-pose")),
+            uncertainty=planned.uncertainty_of(
+                sigma_uv_mm, sigma_theta_deg, planned.covariance_in(covariance), needed=method == "robust"
+            ),
             method=planned.method_of(method),
             roi=planned.roi_of(roi),
             mask=planned.mask_of(mask),
-            frames=planned.frames_of(robot_from_gripper, gripper_from_camera),
+            frames=planned.frames_of(
+                planned.transform_in(robot_from_gripper, "--robot-from-gripper"),
+                planned.transform_in(gripper_from_camera, "--gripper-from-camera"),
+            ),
             min_score=planned.share("--min-score", min_score),
             figure=planned.figure_of(figure, images),
         )

@@ -14,7 +14,7 @@ import typer
 from PIL import Image, UnidentifiedImageError
 
 from graspfn.commands.answers import answer, in_words
-from graspfn.commands.camera_files import read_camera, read_matrix, read_transform
+from graspfn.commands.camera_files import read_camera, read_covariance_file, read_transform
 from graspfn.commands.depth_files import Unit, read_depth
 from graspfn.commands.ending import BAD_INPUT, NO_GRASP, InputError
 from graspfn.imaging.camera import Camera
@@ -25,12 +25,14 @@ from graspfn.planning.planner import Grasp, GraspPlanner, Method, NoGrasp
 from graspfn.planning.uncertainty import PlanningError, PoseUncertainty
 
 Choice = TypeVar("Choice", Unit, Method)
-CameraOf = Callable[[Path, tuple[int, int], Camera | None], Camera]
+CameraOf = Callable[[str, tuple[int, int], Camera | None], Camera]
+MOST_PX = 1e6
+Matrix = tuple[str, np.ndarray]  # with how it was given: "--covariance sigma.txt"
 
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """The options, read and checked; `camera` finds that of an image file, its shape and the camera it came with."""
+    """The options, read and checked; `camera` finds that of an image by name, its shape and the camera it came with."""
 
     model: tuple[Path, GraspPlanner]
     camera: CameraOf
@@ -70,11 +72,16 @@ def plan_all(images: list[Path], request: Request, as_json: bool) -> int:
 
 def _plan(path: Path, request: Request) -> tuple[np.ndarray, Grasp | NoGrasp]:
     depth, own = read_depth(path, request.unit, request.topic)
-    camera = request.camera(path, depth.shape, own)
+    return depth, plan_one(str(path), depth, own, request)
+
+
+def plan_one(name: str, depth: np.ndarray, own: Camera | None, request: Request) -> Grasp | NoGrasp:
+    """depth: (height, width), metres; own: the camera that it came with. InputError names the image, or the option."""
+    camera = request.camera(name, depth.shape, own)
     if request.T_world_camera is not None:
         camera = camera.at(request.T_world_camera)
     try:
-        found = request.model[1].plan(
+        return request.model[1].plan(
             depth,
             camera,
             request.uncertainty,
@@ -87,8 +94,7 @@ def _plan(path: Path, request: Request) -> tuple[np.ndarray, Grasp | NoGrasp]:
         )
     except (DepthError, PlanningError) as error:
         option = "--" if str(error).startswith(("roi:", "mask:", "camera:")) else ""
-        raise InputError(f"{path}: {option}{error}") from None
-    return depth, found
+        raise InputError(f"{name}: {option}{error}") from None
 
 
 def _draw(out: Path, path: Path, depth: np.ndarray, found: Grasp | NoGrasp, opening_mm: float) -> None:
@@ -109,25 +115,25 @@ def checked_model(folder: Path | None) -> tuple[Path, GraspPlanner]:
         raise InputError(f"--model {folder}: {error}") from None
 
 
-def camera_of(file: Path | None, numbers: dict[str, float | None]) -> CameraOf:
-    """--camera, or --fx --fy --cx --cy, or the camera that the image's file has."""
+def camera_of(file: Path | None, numbers: dict[str, float | None], distortion: tuple[float, ...] = ()) -> CameraOf:
+    """--camera, or --fx --fy --cx --cy (and the lens that is said), or the camera that the image's file has."""
     given = {name: value for name, value in numbers.items() if value is not None}
     if file is not None and given:
         raise InputError(f"{next(iter(given))}: takes no --camera beside it")
     if given and (missing := [name for name in numbers if name not in given]):
         raise InputError(f"{missing[0]}: missing; it takes all of {' '.join(numbers)}")
     for name, value in given.items():
-        if not math.isfinite(value) or (name in ("--fx", "--fy") and value <= 0):
-            raise InputError(f"{name} {value:g}: takes pixels; a focal length is above 0")
+        if not abs(value) <= MOST_PX or (name in ("--fx", "--fy") and value < 1):
+            raise InputError(f"{name} {value:g}: takes pixels, up to {MOST_PX:g}; a focal length has at least 1")
 
-    def of(path: Path, shape: tuple[int, int], own: Camera | None) -> Camera:
+    def of(name: str, shape: tuple[int, int], own: Camera | None) -> Camera:
         if file is not None:
             return read_camera(file, shape)
         if given:
             fx, fy, cx, cy = given.values()
-            return Camera(shape[1], shape[0], (fx, fy, cx, cy))
+            return Camera(shape[1], shape[0], (fx, fy, cx, cy), distortion)
         if own is None:
-            raise InputError(f"{path}: --camera: missing, and the file says of none; or --fx --fy --cx --cy")
+            raise InputError(f"{name}: --camera: missing, and the file says of none; or --fx --fy --cx --cy")
         return own
 
     return of
@@ -148,27 +154,38 @@ def _choice(option: str, text: str, kind: type[Choice]) -> Choice:
         raise InputError(f"{option} {text}: takes one of {', '.join(kind)}") from None
 
 
-def pose_of(file: Path | None) -> np.ndarray | None:
-    if file is None:
+def transform_in(file: Path | None, option: str) -> Matrix | None:
+    return None if file is None else (f"{option} {file}", read_transform(file, option))
+
+
+def covariance_in(file: Path | None) -> Matrix | None:
+    option = "--covariance"
+    return None if file is None else (f"{option} {file}", read_covariance_file(file, option))
+
+
+def pose_of(given: Matrix | None) -> np.ndarray | None:
+    if given is None:
         return None
-    T = read_transform(file, "--camera-pose")
+    name, T = given
     try:
-        check_pose(tuple(T.ravel().tolist()), f"--camera-pose {file}")
+        check_pose(tuple(T.ravel().tolist()), name)
     except ParameterError as error:
         raise InputError(str(error)) from None
     return T
 
 
-def uncertainty_of(uv_mm: float | None, theta_deg: float | None, file: Path | None, needed: bool) -> PoseUncertainty:
+def uncertainty_of(
+    uv_mm: float | None, theta_deg: float | None, covariance: Matrix | None, needed: bool
+) -> PoseUncertainty:
     given = {"--sigma-uv-mm": uv_mm, "--sigma-theta-deg": theta_deg}
-    if file is not None:
+    if covariance is not None:
+        name, matrix = covariance
         if any(value is not None for value in given.values()):
-            raise InputError(f"--covariance {file}: takes no --sigma-uv-mm and --sigma-theta-deg beside it")
-        matrix = read_matrix(file, "--covariance", 3)
+            raise InputError(f"{name}: takes no --sigma-uv-mm and --sigma-theta-deg beside it")
         try:
             return PoseUncertainty(matrix)
         except PlanningError as error:
-            raise InputError(f"--covariance {file}: {error}") from None
+            raise InputError(f"{name}: {error}") from None
     if not needed and uv_mm is None and theta_deg is None:
         return PoseUncertainty((0.0, 0.0))
     for name, value in given.items():
@@ -177,7 +194,10 @@ def uncertainty_of(uv_mm: float | None, theta_deg: float | None, file: Path | No
         if not 0 <= value < math.inf:
             raise InputError(f"{name} {value:g}: takes a finite number of at least 0")
     assert uv_mm is not None and theta_deg is not None
-    return PoseUncertainty.of(uv_mm, theta_deg)
+    try:
+        return PoseUncertainty.of(uv_mm, theta_deg)
+    except PlanningError as error:  # beyond what can be reckoned with
+        raise InputError(f"--sigma-uv-mm, --sigma-theta-deg: {error}") from None
 
 
 def roi_of(text: str | None) -> tuple[int, int, int, int] | None:
@@ -206,16 +226,13 @@ def mask_of(file: Path | None) -> np.ndarray | None:
     return mask != 0
 
 
-def frames_of(robot_from_gripper: Path | None, gripper_from_camera: Path | None) -> dict[str, np.ndarray]:
-    options = {"--robot-from-gripper": robot_from_gripper, "--gripper-from-camera": gripper_from_camera}
-    given = {option: file for option, file in options.items() if file is not None}
-    if not given:
+def frames_of(robot_from_gripper: Matrix | None, gripper_from_camera: Matrix | None) -> dict[str, np.ndarray]:
+    if robot_from_gripper is None and gripper_from_camera is None:
         return {}
-    for option in options:
-        if option not in given:
-            raise InputError(f"{option}: missing; it takes both frames or neither")
-    T_robot_gripper, T_gripper_camera = (read_transform(file, option) for option, file in given.items())
-    return {"T_robot_gripper": T_robot_gripper, "T_gripper_camera": T_gripper_camera}
+    if robot_from_gripper is None or gripper_from_camera is None:
+        missing = "--robot-from-gripper" if robot_from_gripper is None else "--gripper-from-camera"
+        raise InputError(f"{missing}: missing; it takes both frames or neither")
+    return {"T_robot_gripper": robot_from_gripper[1], "T_gripper_camera": gripper_from_camera[1]}
 
 
 def share(option: str, value: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -35,3 +36,14 @@ def check_model(config: dict[str, Any], folder: Path) -> None:
         raise ModelError(f"{path}: camera.fewest_px: takes a number above 0, not {fewest!r}")
     if not isinstance(config.get("onnx_sha256"), str):
         raise ModelError(f"{path}: onnx_sha256: takes the sha256 of {NETWORK}, not {config.get('onnx_sha256')!r}")
+
+
+def largest_object_m(config: dict[str, Any], folder: Path) -> float:
+    """The largest dimension of an object in training, metres; infinite where config.json does not say."""
+    meshes = config["training"].get("meshes") if isinstance(config.get("training"), dict) else None
+    most = meshes.get("size_max_cm") if isinstance(meshes, dict) else None
+    if most is None:
+        return math.inf
+    if not isinstance(most, int | float) or not most > 0:
+        raise ModelError(f"{folder / 'config.json'}: training.meshes.size_max_cm: takes a number above 0, not {most!r}")
+    return float(most) / 100

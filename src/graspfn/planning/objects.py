@@ -14,6 +14,12 @@ from graspfn.params import Gripper
 from graspfn.planning.centroid import object_mask
 
 LEAST_CELLS = 16  # a square centimetre; less is a speck
+# An object's highest LEAST_CELLS, in sigmas of the table around it. Over empty tables with all of
+# conf/noise/sensors.yaml waves reach 3.9 at most, and the flattest of the test objects, 9 mm, stands 4.6 or more out.
+ROUGH_SIGMAS = 4.2
+AROUND_M = 0.05  # what the network sees beside an object, and a hand may meet
+LEAST_SEEN = 0.5  # of the cells there; with all of sensors.yaml 0.63 to 1 are seen
+LARGER = 1.05  # than any object of training, heights being off by 2% and edges by a cell
 # Pieces no further apart are one object's, the legs of a chair: no finger goes between them without touching one. The
 # test objects' pieces are up to 21 mm apart.
 APART_M = 0.03
@@ -27,12 +33,13 @@ EVERY_PX = 4
 HALF_M = np.array(SHAPE[::-1]) * CELL_M / 2  # of Q's extent along u and v
 
 
-def refusal(sight: Sight, fewest_px: float) -> str:
+def refusal(sight: Sight, fewest_px: float, most_m: float = np.inf) -> str:
     """Why an image is not to be planned on, in a line; empty where it is.
 
-    fewest_px: a side that have to see a cell of the height map, for an image like those of training.
+    fewest_px: a side that have to see a cell of the height map, for an image like those of training; most_m: the
+    largest dimension that an object had there.
     """
-    return _too_coarse(sight.camera, fewest_px) or _no_whole_object(sight)
+    return _too_coarse(sight.camera, fewest_px) or _no_whole_object(sight, most_m)
 
 
 def _too_coarse(camera: Camera, fewest_px: float) -> str:
@@ -46,11 +53,11 @@ def _too_coarse(camera: Camera, fewest_px: float) -> str:
     )
 
 
-def _no_whole_object(sight: Sight) -> str:
-    depth, camera, view, mask = sight.depth, sight.camera, sight.view, object_mask(sight.seen)
+def _no_whole_object(sight: Sight, most_m: float) -> str:
+    depth, camera, view, mask = sight.depth, sight.camera, sight.view, _standing_out(sight.seen)
     if mask.sum() < LEAST_CELLS:
         return "no object: nothing stands out of the table where the gripper can be sent"
-    count = objects(mask, sight.seen.heights)
+    count = objects(mask)
     if count > 1:
         return f"several objects: {count} that stand more than {1000 * APART_M:g} mm apart; it takes one"
     cut = _standing_near(mask, _on_edge(depth, view), depth, camera)
@@ -62,20 +69,52 @@ def _no_whole_object(sight: Sight) -> str:
         if _standing_near(mask, beside, depth, camera, beyond=BESIDE_M) >= FEW_POINTS:
             width, height = 200 * HALF_M
             return f"the object leaves the {width:g} x {height:g} cm of the table that grasps are planned on"
+    return _too_large(sight.seen, mask, most_m) or _unseen(sight.seen, mask)
+
+
+def _top(seen: HeightMap) -> float:
+    """Height that LEAST_CELLS reach, metres."""
+    return float(np.partition(seen.heights, -LEAST_CELLS, axis=None)[-LEAST_CELLS])
+
+
+def _standing_out(seen: HeightMap) -> np.ndarray:
+    """(132, 176) bool: `object_mask`, without pieces that may be waves of the table."""
+    mask = object_mask(seen)
+    table = seen.heights[seen.seen & ~mask]
+    sigma = 1.4826 * float(np.median(abs(table - np.median(table)))) if table.size else 0.0
+    if _top(seen) < ROUGH_SIGMAS * sigma:
+        return np.zeros_like(mask)
+    pieces, count = ndimage.label(mask, structure=np.ones((3, 3)))
+    tops = ndimage.maximum(seen.heights, pieces, np.arange(count + 1))
+    return mask & (np.asarray(tops) >= ROUGH_SIGMAS * sigma)[pieces]
+
+
+def _too_large(seen: HeightMap, mask: np.ndarray, most_m: float) -> str:
+    """An object lies on the table with its largest dimension across, upright or along a diagonal."""
+    across = max(cv2.minAreaRect(np.argwhere(mask).astype(np.float32))[1]) * CELL_M
+    for name, size, most in (("high", _top(seen), most_m), ("long", across, np.sqrt(2) * most_m)):
+        if size > LARGER * most:
+            return f"the object is {100 * size:.0f} cm {name}; the network's were up to {100 * most:.0f}"
     return ""
 
 
-def objects(mask: np.ndarray, heights: np.ndarray) -> int:
-    """How many of them (132, 176) bool shows; beside one, what stands no higher than STANDING_M is a wave of the table.
+def _unseen(seen: HeightMap, mask: np.ndarray) -> str:
+    radius = round(AROUND_M / CELL_M)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    share = float(seen.seen[cv2.dilate(mask.astype(np.uint8), disc) > 0].mean())
+    if share >= LEAST_SEEN:
+        return ""
+    return (
+        f"holes: {share:.0%} of what is within {100 * AROUND_M:g} cm of the object is seen; it takes {LEAST_SEEN:.0%}"
+    )
 
-    heights: (132, 176), metres.
-    """
+
+def objects(mask: np.ndarray) -> int:
+    """How many of them (132, 176) bool shows."""
     _, count = ndimage.label(mask, structure=np.ones((3, 3)))
     if count > 1:
         around = ndimage.distance_transform_edt(~mask) <= APART_M / CELL_M / 2
-        pieces, count = ndimage.label(around, structure=np.ones((3, 3)))
-        highest = ndimage.maximum(heights, pieces, np.arange(1, count + 1))
-        count = max(1, np.count_nonzero(highest > STANDING_M))
+        _, count = ndimage.label(around, structure=np.ones((3, 3)))
     return int(count)
 
 

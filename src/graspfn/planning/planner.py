@@ -24,7 +24,7 @@ from graspfn.learning.folder import read_config, read_network
 from graspfn.params import Gripper, Plan, Table, build
 from graspfn.planning.centroid import centroid_grasp
 from graspfn.planning.methods import best_grasp, robust_best_grasp
-from graspfn.planning.model import DEFAULT, FEWEST_PX, check_model
+from graspfn.planning.model import DEFAULT, FEWEST_PX, check_model, largest_object_m
 from graspfn.planning.objects import refusal, where_met
 from graspfn.planning.onnx_network import OnnxNetwork
 from graspfn.planning.robust import RobustFunction
@@ -89,6 +89,7 @@ class GraspPlanner:
 
     input: `network.*.input` of the network behind `predict`. gripper, table, refinement: as gripper, table and plan in
     params.yaml. fewest_px: a side that have to see a cell of the height map, for an image like those of training.
+    most_m: the largest dimension that an object had there.
     """
 
     predict: Predictor
@@ -97,6 +98,7 @@ class GraspPlanner:
     table: Table
     refinement: Plan
     fewest_px: float = FEWEST_PX
+    most_m: float = np.inf
 
     @classmethod
     def load(
@@ -130,7 +132,7 @@ class GraspPlanner:
             from graspfn.learning.weights import load_network
 
             predict = OneByOne(load_network(model))
-        return cls(predict, network.input, gripper, table, plan, fewest_px)
+        return cls(predict, network.input, gripper, table, plan, fewest_px, largest_object_m(config, model))
 
     def plan(
         self,
@@ -164,7 +166,7 @@ class GraspPlanner:
             sight = look(depth, camera, self.input, self.table, posed=posed, view=view)
         except TableError as error:
             return NoGrasp(str(error))
-        if why := refusal(sight, self.fewest_px):
+        if why := refusal(sight, self.fewest_px, self.most_m):
             return NoGrasp(why, sight.table)
         scores, _ = self.predict(sight.inputs)
         function = RobustFunction(where_met(scores, sight.seen, self.gripper), uncertainty)
@@ -204,6 +206,7 @@ class GraspPlanner:
 
 
 CERTAIN = PoseUncertainty((0.0, 0.0))
+FURTHEST_M = 1e6  # of one of a robot's frames from another; NaN is further
 
 
 def _pixel(q: np.ndarray, z_m: float, camera: Camera) -> np.ndarray:
@@ -251,7 +254,7 @@ def _product(T_robot_gripper: np.ndarray | None, T_gripper_camera: np.ndarray | 
 def check_rigid(T: np.ndarray, name: str) -> np.ndarray:
     """(4, 4) float64, if T is a rigid transform; PlanningError if it is none."""
     matrix = np.asarray(T, dtype=float)
-    rigid = matrix.shape == (4, 4) and np.allclose(matrix[3], [0, 0, 0, 1])
+    rigid = matrix.shape == (4, 4) and bool((abs(matrix) <= FURTHEST_M).all()) and np.allclose(matrix[3], [0, 0, 0, 1])
     turn = matrix[:3, :3] if rigid else np.zeros((3, 3))
     if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-4) or np.linalg.det(turn) < 0:
         raise PlanningError(f"{name}: takes a rigid transform, 4 x 4")

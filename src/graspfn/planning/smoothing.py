@@ -38,8 +38,9 @@ def _mean_excess(distance: np.ndarray, sigma: float) -> np.ndarray:
     """E[max(0, distance + sigma Z)] (...), Z standard normal; max(0, distance) where sigma is 0."""
     if sigma == 0:
         return np.maximum(distance, 0.0)
-    z = distance / sigma
-    return distance * ndtr(z) + sigma * np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi)
+    with np.errstate(over="ignore"):  # so many sigmas away that nothing of the density is left
+        z = distance / sigma
+        return distance * ndtr(z) + sigma * np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi)
 
 
 def hat_weights(offset: np.ndarray, sigma: float) -> np.ndarray:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 AXES = ("u", "v", "theta")
 UNITS = ("m", "m", "rad")
+MOST = 1e12  # m and rad, of a standard deviation: far beyond uniform, and powers of it are still numbers
 ROUNDING = 1e-9  # of a covariance, in units of its standard deviations: what files with nine digits leave
 
 
@@ -24,7 +25,7 @@ def check_sigmas(sigmas: ArrayLike) -> np.ndarray:
     values = np.asarray(sigmas, dtype=float)
     names = ("uv", "theta") if values.size == 2 else AXES
     for name, value in zip(names, values, strict=True):
-        if not 0 <= value < np.inf:
+        if not 0 <= value <= MOST:
             unit = "rad" if name == "theta" else "m"
             raise PlanningError(f"sigma_{name}: is {value:g} {unit}; it takes a finite number of at least 0")
     return values[[0, 0, 1]] if values.size == 2 else values
@@ -41,8 +42,9 @@ def check_covariance(covariance: ArrayLike, at: str = "") -> np.ndarray:
     if bad := int((~np.isfinite(matrix)).sum()):
         raise PlanningError(f"covariance{at}: {bad} of its 9 numbers are NaN or infinite")
     for axis, unit, variance in zip(AXES, UNITS, np.diag(matrix), strict=True):
-        if variance < 0:
-            raise PlanningError(f"covariance{at}: the variance of {axis} is {variance:g} {unit}^2; it takes at least 0")
+        if not 0 <= variance <= MOST**2:
+            takes = "at least 0" if variance < 0 else f"up to {MOST**2:g}"
+            raise PlanningError(f"covariance{at}: the variance of {axis} is {variance:g} {unit}^2; it takes {takes}")
     scale = np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
     if (abs(matrix - matrix.T) > ROUNDING * scale).any():
         raise PlanningError(f"covariance{at}: not symmetric; it takes the same above and below its diagonal")
