@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from graspfn.geometry import grid
 from graspfn.imaging.camera import NEAR_M, Camera
-from graspfn.imaging.height_map import CELL_M, FINER, SHAPE, HeightMap
+from graspfn.imaging.height_map import CELL_M, FINER, SHAPE, TABLE_M, HeightMap
 from graspfn.params import Gripper
 from graspfn.planning.centroid import object_mask
 
@@ -68,8 +68,9 @@ def _standing_out(seen: HeightMap) -> np.ndarray:
     if _top(seen) < ROUGH_SIGMAS * sigma:
         return np.zeros_like(mask)
     pieces, count = ndimage.label(mask, structure=np.ones((3, 3)))
-    tops = ndimage.maximum(seen.heights, pieces, np.arange(count + 1))
-    return mask & (np.asarray(tops) >= ROUGH_SIGMAS * sigma)[pieces]
+    tops = np.zeros(count + 1, seen.heights.dtype)
+    np.maximum.at(tops, pieces[mask], seen.heights[mask])
+    return (tops >= max(ROUGH_SIGMAS * sigma, TABLE_M))[pieces]
 
 
 def _too_large(seen: HeightMap, mask: np.ndarray, most_m: float) -> str:
