@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+import types
 import zlib
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -33,6 +34,7 @@ from graspfn.cli import app
 from graspfn.commands import depth_pixels, served
 from graspfn.imaging.camera import straight_down
 from graspfn.planning.planner import GraspPlanner
+from graspfn.robot import messages
 
 ROOT = Path(__file__).parents[1]
 FX, FY, CX, CY = CAMERA.K
@@ -360,6 +362,32 @@ def test_the_command_serves_until_it_is_ended(folder):
         finally:
             run.terminate()
     assert run.returncode is not None
+
+
+def test_the_ros_node_of_the_documentation_gets_the_same_answer(port, monkeypatch):
+    """With ROS faked: its messages hold what the robot room's do."""
+    text = (ROOT / "docs/planning.md").read_text(encoding="utf-8")
+    code = next(part for part in text.split("```python\n")[1:] if "rclpy" in part).partition("```")[0]
+    subscribed = {}
+    node = types.SimpleNamespace(create_subscription=lambda kind, topic, call, depth: subscribed.update({kind: call}))
+    ros = types.SimpleNamespace(init=lambda: None, create_node=lambda name: node, spin=lambda node: None)
+    kinds = types.SimpleNamespace(CameraInfo="CameraInfo", Image="Image")
+    for name, module in {"rclpy": ros, "sensor_msgs": types.SimpleNamespace(), "sensor_msgs.msg": kinds}.items():
+        monkeypatch.setitem(sys.modules, name, module)
+    said = []
+    scope = {"print": said.append}
+    exec(compile(code, "planning.md", "exec"), scope)
+    scope["URL"] = f"http://127.0.0.1:{port}/plan?"
+    scope["main"]()
+    header = messages.header(1, "camera")
+    image = types.SimpleNamespace(**messages.depth_image(DEPTH, "16UC1", header))
+    subscribed["Image"](image)  # before the camera is known
+    info = messages.camera_info(CAMERA.matrix, DEPTH.shape, header)
+    subscribed["CameraInfo"](types.SimpleNamespace(**info))
+    subscribed["Image"](image)
+    subscribed["Image"](types.SimpleNamespace(**messages.depth_image(DEPTH, "32FC1", header)))
+    millimetres = np.rint(np.nan_to_num(DEPTH) * 1000).astype(np.uint16)
+    assert said == [post(port, npy(pixels), **OPTIONS)[1] for pixels in (millimetres, DEPTH)]
 
 
 def test_without_a_model_there_is_nothing_to_serve():

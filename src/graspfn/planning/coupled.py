@@ -3,7 +3,7 @@
 Errors along theta are those that go with the position, and a rest that does not: theta = B (u, v) + N(0, s^2). The
 rest is smoothed exactly, as in `planning/smoothing.py`. Over the errors in (u, v) runs a sum: along each of their two
 principal axes strips of equal width, each at its mean and with its probability. Scores change over a cell, so a strip
-is a third of a cell wide; what leaves Q from wherever the gripper is sent is left out.
+is a third of a cell wide, or a cell where errors are wide; what leaves Q from wherever the gripper is sent is left out.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ from graspfn.planning.smoothing import wrapped_weights
 
 REACH = 4.0  # standard deviations: what is further out has a probability of 6e-5
 STRIPS_A_CELL = 3.0
-FEWEST, MOST, MOST_OF_ONE = 24, 128, 1024  # strips along an axis; the last where the other axis is certain
+# Strips along an axis. Under wide errors a strip may be a cell, if there are MANY of them: functions of networks then
+# are off by 5e-4 at most.
+FEWEST, MANY, MOST = 24, 48, 1024
 CERTAIN = 1e-4  # cells: a micrometre
 ANGLES = 24  # per cell of theta: it turns between them as if scores were linear there, which they are where s is 0
 FEW = 6  # poses for which it does not pay to smooth all of f along theta
@@ -33,12 +35,14 @@ def in_cells(covariance: np.ndarray) -> np.ndarray:
     return covariance[np.ix_([1, 0, 2], [1, 0, 2])] / np.outer(CELLS, CELLS)
 
 
-def _strips(sigma: float, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Offsets (n,) in cells, and their probabilities, of errors along one axis."""
+def _strips(sigma: float, alone: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Offsets (n,) in cells, and their probabilities, of errors along one axis; alone: the other one is certain."""
     if sigma <= CERTAIN:
         return np.zeros(1), np.ones(1)
     reach = min(REACH, float(np.hypot(N_V, N_U)) / sigma)
-    n = int(np.clip(np.ceil(2 * reach * sigma * STRIPS_A_CELL), FEWEST, most))
+    across = 2 * reach * sigma
+    most = MOST if alone else max(MANY, int(np.ceil(across)))
+    n = int(np.clip(np.ceil(across * STRIPS_A_CELL), FEWEST, most))
     edges = np.linspace(-reach, reach, n + 1)
     mass = np.diff(ndtr(edges))
     means = -np.diff(np.exp(-0.5 * edges**2)) / np.sqrt(2 * np.pi) / mass
@@ -49,8 +53,8 @@ def _errors(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Errors (N, 3) in (v, u, theta) and their probabilities (N,), and the s of what is left of theta; all in cells."""
     variances, axes = np.linalg.eigh(covariance[:2, :2])
     sigmas = np.sqrt(variances.clip(0))
-    most = MOST if (sigmas > CERTAIN).all() else MOST_OF_ONE
-    (one, weights_one), (two, weights_two) = (_strips(float(sigma), most) for sigma in sigmas)
+    alone = bool((sigmas <= CERTAIN).any())
+    (one, weights_one), (two, weights_two) = (_strips(float(sigma), alone) for sigma in sigmas)
     along = np.stack(np.meshgrid(one, two, indexing="ij"), axis=-1).reshape(-1, 2)
     weights = np.outer(weights_one, weights_two).ravel()
     errors = along @ axes.T
@@ -137,7 +141,9 @@ class Coupled:
 
     def __init__(self, f: np.ndarray, covariance: np.ndarray):
         self.f = np.asarray(f, dtype=float)
-        self._errors, self._weights, rest = _errors(in_cells(covariance))
+        cells = in_cells(covariance)
+        self._errors, self._weights, rest = _errors(cells)
+        self._narrowest = float(np.sqrt(np.linalg.eigvalsh(cells[:2, :2])[0].clip(0)))
         self._over_theta = wrapped_weights(np.arange(N_THETA * ANGLES + 1) / ANGLES, N_THETA, rest)
 
     @functools.cached_property
@@ -154,6 +160,11 @@ class Coupled:
         padded = np.zeros((*self._size, N_THETA))
         padded[:N_V, :N_U] = self.f
         return fft.rfftn(padded, axes=FFT_AXES)
+
+    @property
+    def smooths(self) -> bool:
+        """Whether errors of position spread over more than a cell in every direction: no peak is between poses of Q."""
+        return self._narrowest >= 1
 
     @property
     def _size(self) -> tuple[int, int]:

@@ -8,14 +8,14 @@ from scipy import ndimage
 
 from graspfn.geometry import grid
 from graspfn.imaging.camera import NEAR_M, Camera
-from graspfn.imaging.height_map import CELL_M, FINER, SHAPE, HeightMap
+from graspfn.imaging.height_map import CELL_M, FINER, SHAPE, TABLE_M, HeightMap
 from graspfn.imaging.sight import Sight
 from graspfn.params import Gripper
 from graspfn.planning.centroid import object_mask
 
 LEAST_CELLS = 16  # a square centimetre; less is a speck
-# An object's highest LEAST_CELLS, in sigmas of the table around it. Over empty tables with all of
-# conf/noise/sensors.yaml waves reach 3.9 at most, and the flattest of the test objects, 9 mm, stands 4.6 or more out.
+# An object's highest LEAST_CELLS, in sigmas of the table around it. With all of conf/noise/sensors.yaml waves of empty
+# tables reach 3.9 at most, and the flattest of the test objects, 9 mm, stands 4.6 or more out of them.
 ROUGH_SIGMAS = 4.2
 AROUND_M = 0.05  # what the network sees beside an object, and a hand may meet
 LEAST_SEEN = 0.5  # of the cells there; with all of sensors.yaml 0.63 to 1 are seen
@@ -85,8 +85,9 @@ def _standing_out(seen: HeightMap) -> np.ndarray:
     if _top(seen) < ROUGH_SIGMAS * sigma:
         return np.zeros_like(mask)
     pieces, count = ndimage.label(mask, structure=np.ones((3, 3)))
-    tops = ndimage.maximum(seen.heights, pieces, np.arange(count + 1))
-    return mask & (np.asarray(tops) >= ROUGH_SIGMAS * sigma)[pieces]
+    tops = np.zeros(count + 1, seen.heights.dtype)
+    np.maximum.at(tops, pieces[mask], seen.heights[mask])
+    return (tops >= max(ROUGH_SIGMAS * sigma, TABLE_M))[pieces]
 
 
 def _too_large(seen: HeightMap, mask: np.ndarray, most_m: float) -> str:
@@ -99,9 +100,8 @@ def _too_large(seen: HeightMap, mask: np.ndarray, most_m: float) -> str:
 
 
 def _unseen(seen: HeightMap, mask: np.ndarray) -> str:
-    radius = round(AROUND_M / CELL_M)
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    share = float(seen.seen[cv2.dilate(mask.astype(np.uint8), disc) > 0].mean())
+    near = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 5) <= AROUND_M / CELL_M
+    share = float(seen.seen[near].mean())
     if share >= LEAST_SEEN:
         return ""
     return (

@@ -22,6 +22,7 @@ TIE = 1e-12
 # Where errors of position and angle go together, the maximum is searched for from so many places at most, if they have
 # so much of the best value that is seen before: at the poses of Q and half a cell between, or at those of Q alone.
 MOST_STARTS, SHARE, SHARE_OF_Q = 12, 0.93, 0.8
+STARTS_WHERE_SMOOTH = 4  # and at the poses of Q alone, with SHARE
 STARTS = 64  # looked at to find them
 NEIGHBOURS = np.array(list(itertools.product((-1, 0, 1), repeat=3)))
 
@@ -136,12 +137,14 @@ class RobustFunction:
         return Highest(best, grid.from_index(np.array(ties) / fine))
 
     def _starts(self, fine: np.ndarray) -> list[np.ndarray]:
-        """The best poses of Q, and of half a cell on where that is cheap, each more than half a cell from better ones.
+        """The best poses of Q, and of half a cell on where that is cheap and the function not smooth without, each more
+        than half a cell from better ones.
 
         Steps (3,) of the fine grid along v, u and theta.
         """
         halves = itertools.product(*(sorted({0, int(n) // 2}) for n in fine))
-        shifts = [(0, 0, 0)] if self.uncertainty.varies else list(halves)
+        smooth_ = not self.uncertainty.varies and self._coupled.smooths
+        shifts = [(0, 0, 0)] if self.uncertainty.varies or smooth_ else list(halves)
         at, values = [], []
         for shift in shifts:
             here = self._coupled.on_q(tuple(shift / fine)) if any(shift) else self.on_q
@@ -151,9 +154,10 @@ class RobustFunction:
             values.append(inside.ravel()[best])
         places, found = np.concatenate(at), np.concatenate(values)
         starts: list[np.ndarray] = []
-        share = SHARE if len(shifts) > 1 else SHARE_OF_Q
+        share = SHARE_OF_Q if self.uncertainty.varies else SHARE
+        most = STARTS_WHERE_SMOOTH if smooth_ else MOST_STARTS
         for k in np.lexsort((*places.T[::-1], -found)):
-            if len(starts) == MOST_STARTS or found[k] < share * found.max():
+            if len(starts) == most or found[k] < share * found.max():
                 break
             apart = [np.abs(places[k] - start) for start in starts]
             turns = fine[2] * grid.SHAPE[2]
