@@ -1,6 +1,6 @@
 """From a depth image to a pose: milliseconds, beside GG-CNN2's published network and post-processing.
 
-    python benchmarks/speed.py MODEL --repeats 100 --threads 2
+    python benchmarks/speed.py --repeats 100 --threads 2
 
 GG-CNN2 as Morrison, Corke and Leitner describe it ("Learning robust, real-time, reactive robotic grasping", 2020): the
 same image cropped, resized to 300 x 300 and its holes painted in, 67 thousand weights of chance (time does not depend
@@ -30,13 +30,14 @@ from graspfn.geometry.transforms import T_world_scene, translation
 from graspfn.imaging.camera import Camera, straight_down
 from graspfn.imaging.disturbances import turned
 from graspfn.imaging.height_map import height_map
-from graspfn.imaging.network_input import height_map_input
 from graspfn.imaging.noise import add_noise
 from graspfn.imaging.render import render_depth
+from graspfn.imaging.sight import look
 from graspfn.imaging.table import fit_table
 from graspfn.params import Noise
 from graspfn.planning.centroid import object_mask
-from graspfn.planning.objects import meets, whole_object
+from graspfn.planning.model import DEFAULT
+from graspfn.planning.objects import meets, refusal
 from graspfn.planning.planner import Grasp, GraspPlanner
 from graspfn.planning.robust import RobustFunction
 from graspfn.planning.uncertainty import PoseUncertainty
@@ -150,14 +151,13 @@ def compare(planner: GraspPlanner, camera: Camera, images: list[np.ndarray], rep
 
 def parts(planner: GraspPlanner, camera: Camera, images: list[np.ndarray], repeats: int) -> None:
     wanted = dataclasses.replace(planner.table, max_offset_mm=np.inf)
-    standing = camera.at(fit_table(images[0], camera, wanted).T_world_camera)
-    seen = height_map(images[0], standing)
-    mask, inputs = object_mask(seen), height_map_input(seen)
+    sight = look(images[0], camera, planner.input, wanted)
+    mask, inputs = object_mask(sight.seen), sight.inputs
     f = np.where(meets(mask, planner.gripper), planner.predict(inputs)[0], 0.0)
     steps: dict[str, Callable[[], object]] = {
         "table": lambda: fit_table(images[0], camera, wanted),
-        "height map": lambda: height_map(images[0], standing),
-        "one whole object": lambda: whole_object(seen, images[0], standing, None, planner.most_m),
+        "height map": lambda: height_map(images[0], sight.camera),
+        "one whole object": lambda: refusal(sight, planner.fewest_px, planner.most_m),
         "network": lambda: planner.predict(inputs),
         "where it meets": lambda: meets(mask, planner.gripper),
     }
@@ -175,7 +175,7 @@ def parts(planner: GraspPlanner, camera: Camera, images: list[np.ndarray], repea
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("model", type=Path)
+    parser.add_argument("model", type=Path, nargs="?", default=DEFAULT)
     parser.add_argument("--repeats", type=int, default=100)
     parser.add_argument("--threads", type=int, default=2, help="that torch and OpenCV may take")
     args = parser.parse_args()
