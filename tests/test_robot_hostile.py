@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import sqlite3
 import struct
@@ -181,11 +182,19 @@ def test_more_messages_or_bytes_than_a_trial_has(tmp_path, monkeypatch):
     assert "more than 0 MiB" in refused(path)
 
 
-@pytest.mark.parametrize("compression", ["lz4", "zstd", "snappy", "\N{SNOWMAN}", ""])
-@pytest.mark.parametrize("data", [b"", b"\0" * 40, b"\x28\xb5\x2f\xfd" + b"\xff" * 40, os.urandom(64)])
+RUBBISH = {
+    "nothing": b"",
+    "zeros": b"\0" * 40,
+    "a head of zstd": b"\x28\xb5\x2f\xfd" + b"\xff" * 40,
+    "noise": np.random.default_rng(3).bytes(64),
+}
+
+
+@pytest.mark.parametrize("compression", ["lz4", "zstd", "snappy", "\N{SNOWMAN}", ""], ids=ascii)
+@pytest.mark.parametrize("data", RUBBISH)
 def test_chunks_of_rubbish(tmp_path, compression, data):
     path = tmp_path / "a.mcap"
-    path.write_bytes(MAGIC + chunk(compression, 1000, data))
+    path.write_bytes(MAGIC + chunk(compression, 1000, RUBBISH[data]))
     refused(path)
 
 
@@ -201,7 +210,9 @@ STAMP = struct.pack("<iI", 1, 2) + struct.pack("<I", 1) + b"\0" + b"\0" * 3
     "topic", [key for key in ("depth", "camera_info", "commanded", "joints", "outcome", "tf", "tf_static")]
 )
 @pytest.mark.parametrize(
-    "data", [b"", b"\0", cdr(), cdr(HUGE), cdr(STAMP, HUGE, HUGE), cdr(b"\xff" * 300), cdr(STAMP, HUGE * 99)]
+    "data",
+    [b"", b"\0", cdr(), cdr(HUGE), cdr(STAMP, HUGE, HUGE), cdr(b"\xff" * 300), cdr(STAMP, HUGE * 99)],
+    ids=range(7),
 )
 def test_messages_of_rubbish(tmp_path, monkeypatch, topic, data):
     """Counts of four thousand million strings, joints, transforms and bytes among it."""
@@ -229,7 +240,7 @@ SCHEMAS = [
 ]
 
 
-@pytest.mark.parametrize("definition", SCHEMAS)
+@pytest.mark.parametrize("definition", SCHEMAS, ids=range(len(SCHEMAS)))
 def test_definitions_of_rubbish(tmp_path, monkeypatch, definition):
     kind = "geometry_msgs/msg/PoseStamped"
     monkeypatch.setitem(messages.SCHEMAS, kind, definition.decode("latin-1"))
@@ -274,6 +285,7 @@ FOREVER = (
          f"FROM ({FOREVER}) WHERE id < 0"),
         (*TABLES, "DROP TABLE messages", "CREATE TABLE messages(a, b)"),
     ],
+    ids=itertools.count(),
 )  # fmt: skip
 def test_databases_that_are_no_bag(tmp_path, statements):
     path = database(tmp_path / "a.db3", *statements)
@@ -284,7 +296,7 @@ def test_databases_that_are_no_bag(tmp_path, statements):
 def test_a_damaged_database_is_refused_or_the_same(tmp_path):
     """Random damage to a .db3, which has no checksums: never another exception."""
     path, rng = tmp_path / "a.db3", np.random.default_rng(2)
-    database(path, *TABLES, *[("INSERT INTO messages VALUES (?, 1, ?, ?)", (i, i, os.urandom(300))) for i in range(50)])
+    database(path, *TABLES, *[("INSERT INTO messages VALUES (?, 1, ?, ?)", (i, i, rng.bytes(300))) for i in range(50)])
     describe(path, SAID)
     whole = path.read_bytes()
     for i in range(60):
@@ -326,6 +338,7 @@ def test_things_that_are_no_files(tmp_path):
         "{" * 3000,
         "\0",
     ],
+    ids=range(7),
 )
 def test_lists_of_parts_that_are_none(tmp_path, listed):
     write_mcap(tmp_path / "bag_0.mcap", TINY)

@@ -14,8 +14,8 @@ from physics_params import PARAMS
 from PIL import Image
 from typer.testing import CliRunner
 
-from graspfn import cli
 from graspfn.cli import app
+from graspfn.commands import logs as logs_command
 from graspfn.learning.networks import build_network
 from graspfn.learning.weights import save_network
 from graspfn.params import Arm
@@ -48,8 +48,8 @@ def folder(tmp_path, monkeypatch):
     os.mkfifo(there / "bad-pipe.mcap")
     write_mcap(there / "bad-unsaid.mcap", FEW, None)
     made = dataclasses.replace(PARAMS, topics=TOPICS, arm=ARM)
-    monkeypatch.setattr(cli, "read_yaml", lambda path: None)
-    monkeypatch.setattr(cli, "validate", lambda values: made)
+    monkeypatch.setattr(logs_command, "read_yaml", lambda path: None)
+    monkeypatch.setattr(logs_command, "validate", lambda values: made)
     return there
 
 
