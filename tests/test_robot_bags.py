@@ -36,12 +36,13 @@ from graspfn.cli import app
 from graspfn.geometry.grid import angle_difference
 from graspfn.geometry.transforms import T_world_grasp
 from graspfn.imaging.camera import straight_down
+from graspfn.planning.target import T_robot_target
 from graspfn.robot import decode, messages
 from graspfn.robot.analyse import analyse
 from graspfn.robot.closing import closing_s
 from graspfn.robot.described import describe, read_table, sidecar
 from graspfn.robot.read import read_trial, recordings
-from graspfn.robot.target import T_robot_target, target_in_image
+from graspfn.robot.target import target_in_image
 from graspfn.robot.trial import KEYS, RecordingError
 
 rosbags = pytest.importorskip("rosbags", reason="rosbags of requirements.lock is not installed: make setup")

@@ -19,9 +19,9 @@ from graspfn.commands import logs as logs_command
 from graspfn.learning.networks import build_network
 from graspfn.learning.weights import save_network
 from graspfn.params import Arm
+from graspfn.planning.covariance_file import read_covariance
 from graspfn.robot import messages
 from graspfn.robot.analyse import analyse
-from graspfn.robot.covariance_file import read_covariance
 
 ARM = Arm("topic", "table", "up", "base_link", "tool", "x", None, 1, None)
 KEPT = [TOPICS.depth, TOPICS.camera_info, TOPICS.commanded, TOPICS.outcome]

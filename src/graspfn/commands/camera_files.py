@@ -22,20 +22,13 @@ PARTS = {"translation": "xyz", "rotation": "xyzw"}
 REGION = {"x_offset": 0, "y_offset": 0, "width": 0, "height": 0}
 
 
-def lens(info: Any, shape: tuple[int, int]) -> Camera:
-    """The camera of a CameraInfo message for an image (height, width); RecordingError says why it is not its."""
-    K = decode.camera_matrix(info, shape)
-    height, width = shape
-    return Camera(width, height, (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), decode.distortion(info))
-
-
 def read_camera(path: Path, shape: tuple[int, int]) -> Camera:
     """The camera of an image (height, width): CameraInfo as `ros2 topic echo` or camera_calibration write it."""
     values = _yaml(path, "--camera")
     if not isinstance(values, dict):
         raise InputError(f"--camera {path}: takes a CameraInfo, as ROS writes it")
     try:
-        return lens(_info(values, shape), shape)
+        return decode.camera(_info(values, shape), shape)
     except KeyError as error:
         raise InputError(
             f"--camera {path}: {error.args[0]}: missing; it takes a CameraInfo, as ROS writes it"

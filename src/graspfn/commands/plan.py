@@ -37,7 +37,7 @@ def plan(
     sigma_uv_mm: Annotated[float | None, typer.Option(metavar="MM", help="Std of where the gripper arrives.")] = None,
     sigma_theta_deg: Annotated[float | None, typer.Option(metavar="DEG", help="Std of its angle.")] = None,
     covariance: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Of (u, v, theta) instead: 3 x 3, metres and radians.")
+        Path | None, typer.Option(metavar="FILE", help="Instead: .yaml of `graspfn logs`, or 3 x 3, metres, radians.")
     ] = None,
     method: Annotated[str, typer.Option(help=METHODS)] = "robust",
     roi: Annotated[str | None, typer.Option(metavar="X,Y,W,H", help="Only these pixels may show the object.")] = None,

@@ -21,6 +21,7 @@ from graspfn.commands.ending import BAD_INPUT, NO_GRASP, InputError
 from graspfn.imaging.camera import Camera
 from graspfn.imaging.holes import DepthError
 from graspfn.params import ParameterError, check_pose
+from graspfn.planning.covariance_file import read_covariance
 from graspfn.planning.planner import Grasp, GraspPlanner, Method, NoGrasp
 from graspfn.planning.uncertainty import PlanningError, PoseUncertainty
 
@@ -165,11 +166,11 @@ def uncertainty_of(uv_mm: float | None, theta_deg: float | None, file: Path | No
     if file is not None:
         if any(value is not None for value in given.values()):
             raise InputError(f"--covariance {file}: takes no --sigma-uv-mm and --sigma-theta-deg beside it")
-        matrix = read_matrix(file, "--covariance", 3)
+        states_units = file.suffix.lower() in (".yaml", ".yml")  # as `graspfn logs` writes it
         try:
-            return PoseUncertainty(matrix)
+            return PoseUncertainty(read_covariance(file) if states_units else read_matrix(file, "--covariance", 3))
         except PlanningError as error:
-            raise InputError(f"--covariance {file}: {error}") from None
+            raise InputError(f"--covariance {file}: {str(error).removeprefix(f'{file}: ')}") from None
     if not needed and uv_mm is None and theta_deg is None:
         return PoseUncertainty((0.0, 0.0))
     for name, value in given.items():

@@ -27,6 +27,7 @@ from graspfn.planning.methods import best_grasp
 from graspfn.planning.model import FEWEST_PX, check_model
 from graspfn.planning.objects import meets, whole_object
 from graspfn.planning.robust import RobustFunction
+from graspfn.planning.target import T_robot_target
 from graspfn.planning.uncertainty import PlanningError, PoseUncertainty
 
 
@@ -160,14 +161,16 @@ class GraspPlanner:
         if robust_score < min_score:
             return NoGrasp(f"score: {robust_score:.3f} at best; min_score takes {min_score:g}", fit)
         z_m = self.gripper.clearance_mm / 1000
-        T_camera_grasp = np.linalg.inv(camera.T_world_camera) @ translation(0, 0, z_m) @ T_world_grasp(q)
+        T_camera_table, here, T_robot_grasp = np.linalg.inv(camera.T_world_camera), np.eye(4), None
+        if T_robot_camera is not None:
+            T_robot_grasp = T_robot_target(T_robot_camera, here, T_camera_table, q, z_m)
         return Grasp(
             method=method,
             q=q,
             z_m=z_m,
             pixel=_pixel(q, z_m, camera),
-            T_camera_grasp=T_camera_grasp,
-            T_robot_grasp=None if T_robot_camera is None else T_robot_camera @ T_camera_grasp,
+            T_camera_grasp=T_robot_target(here, here, T_camera_table, q, z_m),
+            T_robot_grasp=T_robot_grasp,
             score=score,
             robust_score=robust_score,
             function=function,

@@ -128,8 +128,7 @@ class _Trial:
         with naming(self.topics.camera_info):
             info = self.decode("camera_info", self.last_before_plan("camera_info"))
             height, width = self.depth.shape
-            K = decode.camera_matrix(info, (height, width))
-            return Camera(width, height, (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), decode.distortion(info))
+            return decode.camera(info, (height, width))
 
     @property
     def places(self) -> Places:
