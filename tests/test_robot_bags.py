@@ -526,7 +526,7 @@ def test_a_lens_of_another_model_is_refused(tmp_path):
         (t, topic, kind, m | ({"distortion_model": "equidistant", "d": [0.1]} if topic == TOPICS.camera_info else {}))
         for t, topic, kind, m in entries()
     ]
-    with pytest.raises(RecordingError, match="distortion model 'equidistant'; it takes plumb_bob"):
+    with pytest.raises(RecordingError, match="distortion_model 'equidistant'; it takes plumb_bob"):
         read_trial(write_mcap(tmp_path / "a.mcap", changed), TOPICS, ARM)
 
 

@@ -7,11 +7,15 @@ import json
 import os
 
 import numpy as np
+import pandas as pd
 import pytest
+import torch
 from made_bags import ARM as BY_TF
 from made_bags import SAID, TOPICS, at, entries, write_mcap
 from physics_params import PARAMS
 from PIL import Image
+from test_planning_planner import CAMERA, placed, seen
+from test_robot_recording import CONDITION, trial
 from typer.testing import CliRunner
 
 from graspfn.cli import app
@@ -20,8 +24,12 @@ from graspfn.learning.networks import build_network
 from graspfn.learning.weights import save_network
 from graspfn.params import Arm
 from graspfn.planning.covariance_file import read_covariance
+from graspfn.reporting.failures import write_failures
+from graspfn.robot import analyse as analyse_module
 from graspfn.robot import messages
 from graspfn.robot.analyse import analyse
+from graspfn.robot.read import recordings
+from graspfn.robot.replan import Replanner
 
 ARM = Arm("topic", "table", "up", "base_link", "tool", "x", None, 1, None)
 KEPT = [TOPICS.depth, TOPICS.camera_info, TOPICS.commanded, TOPICS.outcome]
@@ -113,12 +121,66 @@ def test_a_changed_network_or_unit_shows_when_planned_again(folder, tmp_path):
     two = [str(folder / f"trial-{i}.mcap") for i in (0, 1)]
     result = CliRunner().invoke(app, ["logs", *two, *option, "--out", str(tmp_path / "out")])
     assert result.exit_code == 0, result.stderr
-    assert result.stderr.count("planned again") == 2
+    assert result.stdout.count("planned again") == 2 and not result.stderr
     with Image.open(tmp_path / "out/failures/trial-0.mcap.png") as page:
         assert page.width > 500
     for bad in ("fcn", f"fcn={tmp_path / 'none'}"):
         result = CliRunner().invoke(app, ["logs", str(folder), "--network", bad])
         assert result.exit_code == 2 and result.stderr.count("\n") == 1
+
+
+def test_a_plan_on_the_recorded_image_is_the_recorded_one_until_something_changes(tmp_path):
+    """The camera, its unit, the network."""
+    net = PARAMS.network["fcn"]
+    torch.manual_seed(0)
+    network = build_network(net)
+    save_network(tmp_path / "fcn", network, net)
+    with torch.no_grad():
+        for parameter in network.parameters():
+            parameter.neg_()
+    save_network(tmp_path / "other", network, net)
+    sections = (PARAMS.plan, PARAMS.seed, PARAMS.camera, PARAMS.table)
+    again = Replanner.of({"fcn": tmp_path / "fcn"}, *sections)
+    depth = np.round(seen(CAMERA, placed((0.03, -0.02), 0.6)[0]), 3).astype(np.float32)
+    other = Replanner.of({"fcn": tmp_path / "other"}, *sections)
+    shown = {"camera": "", "network": ""}
+    for method in ("Best Grasp", "Best Grasp (likeliest class)", "Robust Best Grasp"):
+        condition = dataclasses.replace(CONDITION, method=method, network="fcn")
+        first = trial(condition=condition, depth=depth, camera_matrix=CAMERA.matrix)
+        assert "planned again, the pose is" in again.differs(first)
+        same = dataclasses.replace(first, commanded=again.replan(first).q)
+        assert again.differs(same) == ""
+        shown["camera"] += again.differs(dataclasses.replace(same, camera_matrix=CAMERA.matrix * [[0.7], [0.7], [1]]))
+        shown["network"] += other.differs(same)
+        assert "cannot be planned again" in again.differs(dataclasses.replace(same, depth=10 * depth))
+        assert again.differs(dataclasses.replace(same, commanded=None)) == "planned again, a grasp is found"
+        assert Replanner.of({"alexnet": tmp_path / "fcn"}, *sections).differs(first) == ""
+    assert all("planned again, the pose is" in lines for lines in shown.values())  # of one method or another
+    with pytest.raises(ValueError, match=r"config.json: no such file"):
+        Replanner.of({"fcn": tmp_path / "none"}, *sections).check()
+
+
+def test_the_number_of_processes_changes_nothing(folder, monkeypatch):
+    bags = recordings(folder)
+    monkeypatch.setattr(analyse_module, "WORTH_PROCESSES", 2)
+    compute = dataclasses.replace(PARAMS.compute, workers=2)
+    alone, shared = (analyse(bags, TOPICS, ARM, compute=one) for one in (None, compute))
+    for name in ("trials", "uncertainty", "unused"):
+        pd.testing.assert_frame_equal(getattr(alone, name), getattr(shared, name))
+    assert len(alone.unused) == 3
+
+
+def test_names_on_a_page_may_be_anything(folder, tmp_path):
+    """No mathematics in them."""
+    bag = write_mcap(folder / "$\\frac$_\\x.mcap", [
+        (time, topic, kind, message | {"name": ["$\\frac$", "_b", "c"]} if topic == TOPICS.joints else message)
+        for time, topic, kind, message in entries(held=False)
+    ], SAID | {"object": "$\\left$", "placement": "x" * 300})  # fmt: skip
+    arm = dataclasses.replace(BY_TF, achieved="columns", finger_joints=None)
+    sidecar = "reached_u_mm: 50\nreached_v_mm: -30\nreached_theta_deg: 40\n"
+    bag.with_name(f"{bag.name}.trial.yaml").write_text(sidecar)
+    trials = analyse([bag], TOPICS, arm).trials
+    assert write_failures(tmp_path, trials, folder, TOPICS, arm, {}, 100.0, None, None) == 1
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from graspfn.imaging.camera import Camera
-from graspfn.params import Arm, Robot, Topics
+from graspfn.params import Arm, Topics
 from graspfn.robot import decode, plausible
 from graspfn.robot.bag import is_bag, open_bag, telling_damage
 from graspfn.robot.closing import closing_s
@@ -38,7 +38,6 @@ from graspfn.robot.trial import (
 )
 
 LIFT_SAMPLES = 60
-RECORDINGS = Path("data/recordings")  # of the simulated robot
 ARM = Arm("topic", FRAME, "up", "base_link", "gripper", "x", None, 1, None)  # whose poses are all in the frame `table`
 
 
@@ -245,11 +244,14 @@ class _Trial:
                 found.append(math.nan)
         return np.array(found)
 
-    def judged(self, success: bool) -> bool | None:
-        """From the fingers, and the lift between their closing and the verdict; a disagreement is flagged."""
+    def judged(self, success: bool) -> tuple[bool | None, str]:
+        """From the fingers, and the lift between their closing and the verdict, and why not; a disagreement is
+        flagged."""
         outcomes = self.raw("outcome")
-        if not (self.planned and outcomes and self.arm.finger_joints):
-            return None
+        if not self.planned:
+            return None, "no grasp was found to try"
+        if not (outcomes and self.arm.finger_joints):
+            return None, ""
         lift = None
         if self.raw("tf"):
             try:
@@ -261,7 +263,7 @@ class _Trial:
         if judged is not None and judged != success:
             seen = "the fingers hold something up" if judged else why
             self.flags.append(f"the verdict is {'held' if success else 'failed'}, but {seen}")
-        return judged
+        return judged, why
 
     def lift(self) -> tuple[np.ndarray, np.ndarray]:
         """Times [s] since the command and heights [m] of the gripper, as far as TF has them."""
@@ -281,11 +283,12 @@ class _Trial:
             raise RecordingError(f"topic {self.topics.outcome}: the verdict comes before the commanded pose")
         commanded, achieved = self.commanded, self.achieved
         names, time_s, positions = self.joints
-        if self.arm.finger_joints and success and self.arm.finger_shut is not None:
+        # That of a simulated robot is no press of a button: it may hold what is as thin as a sheet of paper.
+        if self.arm.finger_joints and success and self.arm.finger_shut is not None and not condition.simulated:
             plausible.check_fingers(self.fingers[1], self.arm)
         if commanded is not None and achieved is not None:
             self.doubts += plausible.reached(commanded, achieved, condition)
-        judged = self.judged(success)
+        judged, why = self.judged(success)
         lift_time_s, lift_m = self.lift() if detail else (np.zeros(0), np.zeros(0))
         return TrialRecording(
             condition=condition,
@@ -301,6 +304,7 @@ class _Trial:
             flags=tuple(self.flags),
             doubts=tuple(dict.fromkeys(self.doubts)),
             judged=judged,
+            why=why,
             lift_time_s=lift_time_s,
             lift_m=lift_m,
         )
@@ -342,8 +346,3 @@ def recordings(folder: Path) -> list[Path]:
     if not found:
         raise RecordingError(f"{folder}: no .mcap files; robot.folder takes a directory of bags, {TABLE} beside them")
     return found
-
-
-def source_of(robot: Robot, arm: Arm) -> tuple[Path, Arm]:
-    """Where the bags lie, those of the user where they are, and how they tell where the gripper was."""
-    return (Path(robot.folder), arm) if robot.source == "folder" else (RECORDINGS, ARM)

@@ -3,10 +3,14 @@ since shows in a pose that differs from the recorded one."""
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from graspfn import params
 from graspfn.evaluation.bench import Scene
 from graspfn.evaluation.planner import GraspFunction, Planner
 from graspfn.geometry.grid import angle_difference
@@ -15,12 +19,13 @@ from graspfn.imaging.height_map import see_heights
 from graspfn.imaging.network_input import network_input
 from graspfn.learning.networks import GraspNetwork
 from graspfn.learning.prediction import predict_both
-from graspfn.params import Table
+from graspfn.learning.weights import input_kind, load_network
+from graspfn.params import Plan, Table
 from graspfn.planning.robust import RobustFunction
 from graspfn.planning.uncertainty import PoseUncertainty
 from graspfn.robot.trial import TrialRecording
 
-SAME_M, SAME_RAD = 0.01, np.radians(30)  # a cell of Q: an image rounded to millimetres moves a plan by less
+SAME_M, SAME_RAD = 0.015, np.radians(31)  # a cell of Q and its diagonal: so far rounding to millimetres moves a plan
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,22 +49,47 @@ class Replanned:
         return f"planned again, the pose is {away * 1000:.0f} mm and {np.degrees(turned):.0f}° from the recorded one"
 
 
+@functools.cache
+def _loaded(folder: Path) -> tuple[str, GraspNetwork]:
+    """What a network sees (`network.*.input`), and itself: once in each process."""
+    return input_kind(folder), load_network(folder)
+
+
 @dataclass(frozen=True, eq=False)
 class Replanner:
-    """networks: by the name that recordings give them, with what they see (`network.*.input`). camera: whose pose above
-    the table is taken; intrinsics are those of each recording."""
+    """networks: the folders of those at hand, by the name that recordings give them. camera: whose pose above the table
+    is taken; intrinsics are those of each recording."""
 
-    networks: dict[str, tuple[str, GraspNetwork]]
+    networks: Mapping[str, Path]
     planner: Planner
     camera: Camera
     table: Table
+
+    @classmethod
+    def of(cls, networks: Mapping[str, Path], plan: Plan, seed: int, camera: params.Camera, table: Table) -> Replanner:
+        """From the sections of params.yaml."""
+        return cls(networks, Planner(plan, seed), Camera.from_params(camera), table)
+
+    def check(self) -> None:
+        """WeightsError where a folder holds no network."""
+        for folder in self.networks.values():
+            _loaded(folder)
+
+    def differs(self, trial: TrialRecording) -> str:
+        """In words, how a plan on the recorded image differs from the recorded one; "" where it does not, or the trial
+        is of no network at hand."""
+        try:
+            planned = self.replan(trial)
+        except ValueError as error:  # of an image that shows no table, say
+            return f"cannot be planned again: {error}"
+        return planned.differs(trial.commanded) if planned else ""
 
     def replan(self, trial: TrialRecording) -> Replanned | None:
         """None for a trial of another network, or none. Errors of images that cannot be planned on pass through."""
         c = trial.condition
         if c.network not in self.networks:
             return None
-        kind, network = self.networks[c.network]
+        kind, network = _loaded(self.networks[c.network])
         height, width = trial.depth.shape
         (fx, _, cx), (_, fy, cy) = trial.camera_matrix[:2].tolist()
         camera = Camera(width, height, (fx, fy, cx, cy), trial.distortion, self.camera.T_world_camera)
