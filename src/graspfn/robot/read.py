@@ -176,8 +176,9 @@ class _Trial:
             return found[0].time_ns
         if not self.arm.finger_joints:
             raise RecordingError("nothing tells when the fingers close; arm.finger_joints or topics.gripper does")
+        fingers = self.fingers
         with naming(self.topics.joints):
-            seconds = closing_s(*self.fingers, self.arm.finger_sign)
+            seconds = closing_s(*fingers, self.arm.finger_sign)
         if seconds is None:
             raise NeverClosed(f"topic {self.topics.joints}: {', '.join(self.arm.finger_joints)} never closed")
         return self.zero_ns + round(seconds * 1e9)
@@ -245,25 +246,31 @@ class _Trial:
         return np.array(found)
 
     def judged(self, success: bool) -> tuple[bool | None, str]:
-        """From the fingers, and the lift between their closing and the verdict, and why not; a disagreement is
-        flagged."""
+        """Whether fingers and lift say that it held, None where they do not tell, and why not; a disagreement with the
+        verdict is flagged."""
         outcomes = self.raw("outcome")
         if not self.planned:
             return None, "no grasp was found to try"
-        if not (outcomes and self.arm.finger_joints):
+        if not (outcomes and self.arm.finger_joints) or np.isfinite(self.fingers[1]).all(axis=1).sum() < 2:
             return None, ""
-        lift = None
-        if self.raw("tf"):
-            try:
-                low, high = self.heights([self.closing_ns, outcomes[-1].time_ns])
-                lift = None if math.isnan(high - low) else float(high - low)
-            except RecordingError:
-                pass  # they never closed: the fingers tell
-        judged, why = judge(self.fingers[1], self.arm, lift)
+        judged, why = self._judged_at(outcomes[-1].time_ns)
         if judged is not None and judged != success:
             seen = "the fingers hold something up" if judged else why
             self.flags.append(f"the verdict is {'held' if success else 'failed'}, but {seen}")
         return judged, why
+
+    def _judged_at(self, verdict_ns: int) -> tuple[bool | None, str]:
+        lift = math.nan
+        try:
+            closing_ns = self.closing_ns
+            if self.raw("tf"):
+                low, high = self.heights([closing_ns, verdict_ns])
+                lift = float(high - low)
+        except NeverClosed:
+            return False, "the fingers never closed"
+        except RecordingError:
+            pass  # nothing tells when they closed
+        return judge(self.fingers[1], self.arm, None if math.isnan(lift) else lift)
 
     def lift(self) -> tuple[np.ndarray, np.ndarray]:
         """Times [s] since the command and heights [m] of the gripper, as far as TF has them."""

@@ -21,21 +21,25 @@ from graspfn.learning.networks import GraspNetwork
 from graspfn.learning.prediction import predict_both
 from graspfn.learning.weights import input_kind, load_network
 from graspfn.params import Plan, Table
+from graspfn.planning.methods import LIKELIEST, ROBUST
 from graspfn.planning.robust import RobustFunction
 from graspfn.planning.uncertainty import PoseUncertainty
 from graspfn.robot.trial import TrialRecording
 
 SAME_M, SAME_RAD = 0.015, np.radians(31)  # a cell of Q and its diagonal: so far rounding to millimetres moves a plan
+TIE = 0.02  # share of the best score by which a pose may miss it and count as good: rounding moves scores by less
+CERTAIN = PoseUncertainty((0.0, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
 class Replanned:
     """q: (3,) by the trial's own method, None where it finds no grasp; f and robust: (33, 44, 6), the network's
-    function and the same smoothed by the Sigma that the trial assumed."""
+    function and the same smoothed by the Sigma that the trial assumed; by: whose maximum the method takes."""
 
     q: np.ndarray | None
     f: np.ndarray
     robust: np.ndarray
+    by: RobustFunction
 
     def differs(self, recorded: np.ndarray | None) -> str:
         """In words, how the pose differs from the recorded one; "" where it does not."""
@@ -44,7 +48,8 @@ class Replanned:
             return "" if alike else f"planned again, {'no grasp' if self.q is None else 'a grasp'} is found"
         away = float(np.hypot(*(self.q - recorded)[:2]))
         turned = float(abs(angle_difference(self.q[2], recorded[2])))
-        if away <= SAME_M and turned <= SAME_RAD:
+        best, then = self.by.at(np.stack([self.q, recorded])).tolist()
+        if (away <= SAME_M and turned <= SAME_RAD) or best - then <= TIE * best:
             return ""
         return f"planned again, the pose is {away * 1000:.0f} mm and {np.degrees(turned):.0f}° from the recorded one"
 
@@ -99,4 +104,6 @@ class Replanner:
         assumed = PoseUncertainty.of(c.sigma_uv_mm, c.sigma_theta_deg)
         plans = self.planner.plans(scene, [function], [assumed])[0]
         q = next(plan.q for plan in plans if plan.method == c.method)
-        return Replanned(q, scores[0], RobustFunction(scores[0], assumed).on_q)
+        robust = RobustFunction(scores[0], assumed)
+        chosen = {ROBUST: robust, LIKELIEST: RobustFunction(likeliest[0].astype(float), CERTAIN)}
+        return Replanned(q, scores[0], robust.on_q, chosen.get(c.method, RobustFunction(scores[0], CERTAIN)))
