@@ -392,10 +392,11 @@ def test_clocks_that_jump_and_orders_that_cannot_be_are_doubts(tmp_path):
     path = write_mcap(tmp_path / "c.mcap", without(TOPICS.outcome) + early)
     with pytest.raises(RecordingError, match="the verdict comes before the commanded pose"):
         read_trial(path, TOPICS, ARM)
-    early = [(at(0.5), TOPICS.achieved, "geometry_msgs/msg/PoseStamped",
-              messages.pose_stamped(ACHIEVED, messages.header(at(0.5), "table")))]  # fmt: skip
-    path = write_mcap(tmp_path / "d.mcap", entries() + early)
-    assert "0.5 s before the command" in read_trial(path, TOPICS, arm(achieved="topic")).doubts[0]
+    for seconds, says in ((0.5, "0.5 s before the command"), (5.5, "0.5 s after the verdict")):
+        pose = messages.pose_stamped(ACHIEVED, messages.header(at(seconds), "table"))
+        reached = [(at(seconds), TOPICS.achieved, "geometry_msgs/msg/PoseStamped", pose)]
+        path = write_mcap(tmp_path / "d.mcap", entries() + reached)
+        assert says in read_trial(path, TOPICS, arm(achieved="topic")).doubts[0]
 
 
 def test_the_last_press_of_the_verdict_counts(tmp_path):

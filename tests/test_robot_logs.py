@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 from made_bags import ARM as BY_TF
 from made_bags import SAID, TOPICS, at, entries, write_mcap
 from physics_params import PARAMS

@@ -231,7 +231,8 @@ class _Trial:
             if not earlier:
                 raise RecordingError(f"no message on topic {self.topics.achieved} before the fingers close")
             chosen = earlier[-1]
-        self.doubts += plausible.order(self.command_ns, chosen.time_ns, self.topics.achieved)
+        verdict_ns = self.raw("outcome")[-1].time_ns if self.raw("outcome") else None
+        self.doubts += plausible.order(self.command_ns, chosen.time_ns, verdict_ns, self.topics.achieved)
         with naming(self.topics.achieved):
             return self.places.pose(chosen.time_ns, self.decode("achieved", chosen))
 
