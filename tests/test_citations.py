@@ -30,7 +30,7 @@ ROOMS = {
     "evaluation": {"VII-A"},
     "robot": {"VII-B"},
     "workflow": set(),
-    "commands": {"VI", "VII-A"},
+    "commands": {"VI", "VII-A", "VII-B"},
     "reporting": set(SECTIONS),
 }
 STAGES = {
@@ -61,6 +61,7 @@ BESIDES = {
     ("src/graspfn/geometry/grid.py", "IV-C"): "attempts are drawn in the cells of Q",
     ("src/graspfn/imaging/placement.py", "VII"): "training images are shifted so that the object stays in view",
     ("src/graspfn/imaging/placement.py", "VII-A"): "test objects are placed so",
+    ("src/graspfn/planning/target.py", "III"): "the chain of frames is printed there",
     ("src/graspfn/learning/depth_inputs.py", "IV-B"): "the noise of eq. 2 is drawn as samples are made",
     ("src/graspfn/learning/height_inputs.py", "IV-B"): "its jitter is drawn as samples are made",
     ("src/graspfn/learning/sensor.py", "IV-B"): "and so is its error of depth, with all else that cameras do",

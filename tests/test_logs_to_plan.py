@@ -9,8 +9,9 @@ import json
 import numpy as np
 import yaml
 from made_bags import TOPICS
+from made_models import save_model
 from physics_params import PARAMS
-from test_plan_command import CAMERA, DEPTH, PINHOLE, network, write_model  # noqa: F401
+from test_plan_command import CAMERA, DEPTH, PINHOLE, network  # noqa: F401
 from test_robot_logs import ARM, bag
 from typer.testing import CliRunner
 
@@ -37,7 +38,8 @@ def test_the_covariance_that_is_written_is_what_planning_takes(tmp_path, monkeyp
     S = np.array(content["covariance"]) * np.outer(scale, scale)
     assert 0.002 < np.sqrt(S[0, 0]) < 0.02 and abs(S - np.diag(np.diag(S))).max() > 0
     np.save(tmp_path / "image.npy", DEPTH)
-    model = write_model(tmp_path / "model", network)
+    model = tmp_path / "model"
+    save_model(model, network, PARAMS.network["fcn"])
     base = ["plan", str(tmp_path / "image.npy"), "--model", str(model), *PINHOLE, "--json", "--covariance"]
     answered = CliRunner().invoke(app, [*base, str(written)])
     assert answered.exit_code == 0, answered.output

@@ -130,6 +130,15 @@ def test_both_tables_are_filled(smoke: Workspace) -> None:
 
 def test_every_figure_is_drawn(smoke: Workspace) -> None:
     drawn = {path.name for path in (smoke.folder / "reports/figures").iterdir()}
+    trials = pd.read_parquet(smoke.folder / "data/robot_trials.parquet")
+    failed = trials[~trials["success"]]
+    pages = {f"{path.name.removesuffix('.png')}" for path in (smoke.folder / "data/robot_failures").iterdir()}
+    assert pages == set(failed["file"])
+    assert len({name for name in drawn if name.startswith("failed_trial_")}) == min(3, failed["object"].nunique())
+    # What was planned again on the recorded images is what was recorded, and fingers and lift tell what became of it.
+    assert (trials["replanned"] == "").all() and (trials["flags"] == "").all()
+    held = trials["judged"].map({"held": True, "failed": False})
+    assert (held == trials["success"])[trials["u_m"].notna()].all() and (failed["why"] != "").all()
     assert {f"{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")} <= drawn
     page = (smoke.folder / "reports/index.html").read_text()
     assert page.count("data:image/png;base64") == sum(name.endswith(".png") for name in drawn)
@@ -194,12 +203,13 @@ def test_the_torque_reruns_grasping_alone(smoke: Workspace, edited: Callable[[st
     with Repo(str(smoke.folder)) as repo:
         direct = {name.partition("@")[0] for name in changed_stages(repo)}
     # Placing asks the gripper how large an object may be: it runs, and finds the same.
-    assert direct == {"place_objects", "label_grasps", "evaluate", "disturb", "record_robot", "report"}
+    after = {"evaluate", "disturb", "record_robot", "analyse_robot", "report"}
+    assert direct == {"place_objects", "label_grasps", *after}
 
 
 @pytest.mark.parametrize(
     ("room", "stages"),
-    [("reporting", {"report"}), ("robot", {"record_robot", "analyse_robot", "report"})],
+    [("reporting", {"analyse_robot", "report"}), ("robot", {"record_robot", "analyse_robot", "report"})],
 )
 def test_code_reruns_what_loads_it(smoke: Workspace, room: str, stages: set[str]) -> None:
     path = next((smoke.folder / "src/graspfn" / room).glob("*.py"))
@@ -284,7 +294,7 @@ def test_recordings_of_a_folder_are_analysed_where_they_lie(
         assert f"1 of {len(files)} bags cannot be used, more than robot.max_failed" in done.stderr
         assert {path.name: path.read_bytes() for path in own.iterdir()} == files
     finally:
-        outs = ("trials.parquet", "uncertainty.parquet", "unused.parquet", "covariance")
+        outs = ("trials.parquet", "uncertainty.parquet", "unused.parquet", "covariance", "failures")
         smoke.run("dvc", "checkout", "--force", *(f"data/robot_{name}" for name in outs))
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 
+import made_bags
 import numpy as np
 import pytest
 import torch
@@ -25,6 +27,9 @@ from graspfn.planning.model import DEFAULT
 from graspfn.planning.planner import GraspPlanner
 from graspfn.planning.uncertainty import PoseUncertainty
 from graspfn.robot import messages
+from graspfn.robot.analyse import Measured
+from graspfn.robot.covariance_file import write_covariance
+from graspfn.robot.spread import spread
 
 FX, FY, CX, CY = CAMERA.K
 PINHOLE = ["--fx", str(FX), "--fy", str(FY), "--cx", str(CX), "--cy", str(CY)]
@@ -217,6 +222,23 @@ def test_what_needs_no_uncertainty_takes_none_and_a_covariance_does_as_well(work
     )
 
 
+def test_sigma_of_recordings_plans_as_it_is_written(workplace):
+    """In mm and degrees, with the correlations that were measured."""
+    errors = np.random.default_rng(0).standard_normal((40, 3)) @ np.array([[6, 3, 0], [0, 5, 0], [1, 0, 9]])
+    found = spread(errors)
+    write_covariance(Path("measured.yaml"), Measured("6.2 mm, 4.7° assumed", found, ()))
+    scale = np.array([1e-3, 1e-3, np.pi / 180])
+    np.savetxt("sigma.txt", found.covariance * np.outer(scale, scale))
+    base = ["object.npy", "--model", "model", *PINHOLE, "--covariance"]
+    told, same = planned(*base, "measured.yaml"), planned(*base, "sigma.txt")
+    assert told["table"] == pytest.approx(same["table"]) and told["robust_score"] == pytest.approx(same["robust_score"])
+    Path("measured.yaml").write_text("covariance: 3\n")
+    result = plan(*base, "measured.yaml")
+    assert (
+        result.stderr == "--covariance measured.yaml: takes YAML with units and a covariance of 3 rows of 3 numbers\n"
+    )
+
+
 def test_a_region_and_a_mask_restrict_the_view(workplace):
     np.save("two.npy", seen(CAMERA, placed((0.07, 0.02), 0.4)[0], block(-0.1, -0.1)))
     assert plan("two.npy", *OPTIONS).exit_code == 3
@@ -265,7 +287,7 @@ def test_a_unit_that_puts_no_table_under_the_camera_is_questioned(workplace, wri
         ("text.png", None, [], "text.png: cannot be read as .png"),
         ("text.pcd", None, [], "text.pcd: no .pcd file"),
         ("flat.pcd", None, [], "flat.pcd: not organised"),
-        ("text.mcap", None, [], "text.mcap: damaged"),
+        ("text.mcap", None, [], "text.mcap: not an MCAP file"),
         ("colour.png", None, [], "colour.png: has the shape (4, 4, 3)"),
         ("eight.png", None, [], "eight.png: is of uint8"),
         ("object.npy", [], [], "object.npy: --camera: missing"),
@@ -331,8 +353,30 @@ def test_a_recording_whose_topic_is_wrong_says_which_there_are(workplace):
     write_mcap(Path("r.mcap"))
     own = ["--model", "model", *SIGMA]
     result = plan("r.mcap", *own, "--topic", "/depth")
-    assert result.stderr.startswith("--topic /depth: r.mcap has no sensor_msgs/msg/Image on it; it takes one of ['/cam")
+    assert result.stderr.startswith("--topic /depth: r.mcap has no depth image on it; it takes one of ['/cam")
     write_mcap(Path("r.mcap"), d=[0.1, 0.1, 0.0, 0.0], distortion_model="equidistant")
     assert "distortion_model 'equidistant'" in plan("r.mcap", *own).stderr
-    Path("r.mcap").write_bytes(Path("r.mcap").read_bytes()[:-200])
-    assert plan("r.mcap", *own).stderr.startswith("r.mcap: ")
+    whole = Path("r.mcap").read_bytes()
+    Path("r.mcap").write_bytes(whole[: len(whole) // 2])
+    assert plan("r.mcap", *own).stderr.startswith("r.mcap: cut short")
+
+
+def test_a_recording_is_read_as_graspfn_logs_reads_it(workplace):
+    """Images that were compressed as they were published; a colour image on another topic is none of depths."""
+    png = io.BytesIO()
+    Image.fromarray(np.rint(np.nan_to_num(DEPTH) * 1000).astype(np.uint16)).save(png, "PNG")
+    header = messages.header(1, "camera")
+    image = {"header": header, "format": "16UC1; compressedDepth png", "data": bytes(12) + png.getvalue()}
+    colour = messages.depth_image(np.zeros((4, 4), np.float32), "16UC1", header) | {"encoding": "rgb8"}
+    info = messages.camera_info(CAMERA.matrix, DEPTH.shape, header)
+    sent = [("/camera/depth/image/compressedDepth", "CompressedImage", image), ("/colour", "Image", colour)]
+    made_bags.write_mcap(
+        Path("r.mcap"),
+        [
+            (1, t, f"sensor_msgs/msg/{kind}", m)
+            for t, kind, m in [*sent, ("/camera/depth/camera_info", "CameraInfo", info)]
+        ],
+        None,
+    )
+    told = planned("r.mcap", "--model", "model", *SIGMA)
+    assert told["table"] == pytest.approx(planned("object.npy", *OPTIONS)["table"], abs=1e-4)

@@ -25,15 +25,18 @@ from graspfn.imaging.render import render_depth
 from graspfn.meshes.placed import T_world_object, placed_row, write_placed
 from graspfn.params import read_yaml, validate
 from graspfn.reporting import page
+from graspfn.reporting.failures import write_failures
 from graspfn.reporting.figures import nearest, registry, shading
-from graspfn.reporting.inputs import example_label, load_inputs, spread
+from graspfn.reporting.inputs import FAILURES, example_label, load_inputs, spread
 from graspfn.reporting.page import Picture
 from graspfn.reporting.report import write_report, write_tables
 from graspfn.reporting.robustness import COLUMNS, robustness_table
 from graspfn.reporting.summary import results_sentence
 from graspfn.reporting.tables import Tables1
 from graspfn.robot.analyse import analyse
+from graspfn.robot.gantry import FINGER_JOINTS
 from graspfn.robot.read import read_trial, recordings
+from graspfn.robot.source import source_of
 from graspfn.robot.trial import Condition, TrialRecording
 from graspfn.selection.written import Object, write_objects
 from graspfn.workflow.files import write_npz, write_parquet
@@ -127,11 +130,20 @@ def write_data(data, params):
                 q = np.array([0.0, 0.0, np.pi / 2])
                 holes = np.where(rng.random(depth.shape) < 0.01, np.nan, depth).astype(np.float32)
                 reached = q + rng.normal(0, 0.01, 3)
-                joints = (("hand",), np.zeros(1), np.zeros((1, 1)))
-                trial = TrialRecording(condition, holes, camera.matrix, q, reached, *joints, success=True)
+                joints = (FINGER_JOINTS, np.array([2.2, 2.4, 2.6]), np.repeat([[-0.27], [-0.1], [0.0]], 2, axis=1))
+                held = method != "Best Grasp" or uv < 10
+                trial = TrialRecording(condition, holes, camera.matrix, q, reached, *joints, success=held)
                 path = data / f"recordings/{i}-{k}-{method.replace(' ', '')}.mcap"
                 write_trial(path, trial, params.topics, "32FC1")
-    found = analyse(recordings(data / "recordings"), params.topics)
+    analyse_recordings(data, params)
+
+
+def analyse_recordings(data, params):
+    """As stage analyse_robot does."""
+    folder, (_, arm) = data / "recordings", source_of(params.robot, params.arm, params.gripper)
+    found = analyse(recordings(folder), params.topics, arm)
+    opening_mm = params.gripper.opening_mm
+    write_failures(data / FAILURES, found.trials, folder, params.topics, arm, {}, opening_mm, None, None)
     write_parquet(data / "robot_trials.parquet", found.trials)
     write_parquet(data / "robot_uncertainty.parquet", found.uncertainty)
     write_parquet(data / "robot_unused.parquet", found.unused)
@@ -224,13 +236,14 @@ def test_every_figure_is_there_as_png_and_pdf(report, html):
         *("success_vs_width", "promise_against_fact", "expected_against_trials", "robustness"),
     }
     files = {path.name for path in (report[0] / "figures").iterdir()}
-    assert files == {f"{name}.{kind}" for name in names for kind in ("png", "pdf")}
-    assert set(re.findall(r'<figure id="(\w+)"', html)) == names
+    failed = {"failed_trial_1", "failed_trial_2"}  # pages as they are: pictures alone
+    assert files == {f"{name}.{kind}" for name in names for kind in ("png", "pdf")} | {f"{name}.png" for name in failed}
+    assert set(re.findall(r'<figure id="(\w+)"', html)) == names | failed
 
 
 def test_the_page_is_well_formed_and_needs_nothing_else(html, parsed):
     assert parsed.misplaced == [] and parsed.open == []
-    assert len(parsed.addresses) == 21
+    assert len(parsed.addresses) == 23
     assert all(address.startswith("data:image/png;base64,") for address in parsed.addresses)
     style = html.split("<style>")[1].split("</style>")[0]
     assert "url(" not in style and "@import" not in style and "<script" not in html
@@ -253,6 +266,9 @@ def test_the_page_says_what_it_must(parsed, inputs):
     for parameter in inputs.parameters:
         assert parameter.key in text
     assert "compute.workers" not in text
+    for i in range(2):  # the last condition's Best Grasp failed on both objects
+        assert f"Why a trial failed: 1-{i}-BestGrasp.mcap, as its recording tells." in text
+    assert "data/robot_failures has a page for each of the 2 trials of Table 2 that failed." in text
     assert "evaluate75.0 s" in text and f"label_grasps@test{page.DASH}" in text
 
 
@@ -354,10 +370,7 @@ def test_recordings_without_a_grasp_reach_table_2_and_the_page(inputs, tmp_path)
         if trial.condition.method == "Best Grasp":
             failed = dataclasses.replace(trial, commanded=None, achieved=None, success=False)
             write_trial(path, failed, inputs.params.topics, "32FC1")
-    found = analyse(recordings(data / "recordings"), inputs.params.topics)
-    write_parquet(data / "robot_trials.parquet", found.trials)
-    write_parquet(data / "robot_uncertainty.parquet", found.uncertainty)
-    write_parquet(data / "robot_unused.parquet", found.unused)
+    analyse_recordings(data, inputs.params)
     with_failures = load_inputs(data, inputs.params, {})
     assert all(len(grasp.commanded) == 3 for grasp in with_failures.recorded.grasps)
     tables1 = Tables1.of(with_failures.plans, with_failures.graspable)

@@ -36,12 +36,13 @@ from graspfn.cli import app
 from graspfn.geometry.grid import angle_difference
 from graspfn.geometry.transforms import T_world_grasp
 from graspfn.imaging.camera import straight_down
+from graspfn.planning.target import T_robot_target
 from graspfn.robot import decode, messages
 from graspfn.robot.analyse import analyse
 from graspfn.robot.closing import closing_s
 from graspfn.robot.described import describe, read_table, sidecar
 from graspfn.robot.read import read_trial, recordings
-from graspfn.robot.target import T_robot_target, target_in_image
+from graspfn.robot.target import target_in_image
 from graspfn.robot.trial import KEYS, RecordingError
 
 rosbags = pytest.importorskip("rosbags", reason="rosbags of requirements.lock is not installed: make setup")
@@ -391,10 +392,11 @@ def test_clocks_that_jump_and_orders_that_cannot_be_are_doubts(tmp_path):
     path = write_mcap(tmp_path / "c.mcap", without(TOPICS.outcome) + early)
     with pytest.raises(RecordingError, match="the verdict comes before the commanded pose"):
         read_trial(path, TOPICS, ARM)
-    early = [(at(0.5), TOPICS.achieved, "geometry_msgs/msg/PoseStamped",
-              messages.pose_stamped(ACHIEVED, messages.header(at(0.5), "table")))]  # fmt: skip
-    path = write_mcap(tmp_path / "d.mcap", entries() + early)
-    assert "0.5 s before the command" in read_trial(path, TOPICS, arm(achieved="topic")).doubts[0]
+    for seconds, says in ((0.5, "0.5 s before the command"), (5.5, "0.5 s after the verdict")):
+        pose = messages.pose_stamped(ACHIEVED, messages.header(at(seconds), "table"))
+        reached = [(at(seconds), TOPICS.achieved, "geometry_msgs/msg/PoseStamped", pose)]
+        path = write_mcap(tmp_path / "d.mcap", entries() + reached)
+        assert says in read_trial(path, TOPICS, arm(achieved="topic")).doubts[0]
 
 
 def test_the_last_press_of_the_verdict_counts(tmp_path):
@@ -525,7 +527,7 @@ def test_a_lens_of_another_model_is_refused(tmp_path):
         (t, topic, kind, m | ({"distortion_model": "equidistant", "d": [0.1]} if topic == TOPICS.camera_info else {}))
         for t, topic, kind, m in entries()
     ]
-    with pytest.raises(RecordingError, match="distortion model 'equidistant'; it takes plumb_bob"):
+    with pytest.raises(RecordingError, match="distortion_model 'equidistant'; it takes plumb_bob"):
         read_trial(write_mcap(tmp_path / "a.mcap", changed), TOPICS, ARM)
 
 

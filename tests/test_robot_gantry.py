@@ -29,6 +29,8 @@ from graspfn.robot.gantry import ARRIVED_S, FINGER_JOINTS, JOINTS, T_BASE_TABLE,
 from graspfn.robot.read import read_trial
 from graspfn.robot.record import command_ns, trial_bytes
 from graspfn.robot.simulated import Seen, record
+from graspfn.robot.source import source_of
+from graspfn.robot.trial import RecordingError
 
 CAMERA = Camera.from_params(PARAMS.camera)
 BAR = trimesh.creation.box([0.03, 0.14, 0.04])
@@ -145,6 +147,35 @@ def test_fingers_and_lift_say_what_the_simulation_does(tmp_path, trials):
     for name in ("held", "missed", "blocked"):
         back = read_trial(written(tmp_path, trials[name]), TOPICS, fingers)
         assert back.judged is trials[name].success and back.flags == ()
+
+
+def test_the_workflow_judges_its_trials_as_graspfn_logs_judges_anyones(tmp_path, trials):
+    for name, trial in trials.items():
+        written(tmp_path, trial, f"{name}.mcap")
+    _, own = source_of(PARAMS.robot, PARAMS.arm, GRIPPER)
+    found = analyse(tmp_path.glob("*.mcap"), TOPICS, own).trials.set_index("file")
+    assert found["judged"].to_dict() == {
+        "held.mcap": "held", "missed.mcap": "failed", "blocked.mcap": "failed", "unplanned.mcap": ""
+    }  # fmt: skip
+    assert found["why"].to_dict() == {
+        "held.mcap": "", "missed.mcap": "fingers shut on nothing", "blocked.mcap": "the fingers never closed",
+        "unplanned.mcap": "no grasp was found to try",
+    }  # fmt: skip
+    by_tf = analyse(tmp_path.glob("*.mcap"), TOPICS, dataclasses.replace(BY_TF, finger_shut=own.finger_shut))
+    assert by_tf.trials.set_index("file")["why"].to_dict() == found["why"].to_dict()
+    assert by_tf.reasons().startswith(
+        "3 of 4 trials failed: 1 fingers shut on nothing, 1 no grasp was found to try, 1 "
+    )
+
+
+def test_a_simulated_verdict_is_no_slip_of_a_hand(tmp_path, trials):
+    """What held is as thin as paper; of a real robot nobody believes it."""
+    own = dataclasses.replace(BY_TF, finger_shut=arm().kinematics.closed)
+    thin = dataclasses.replace(trials["missed"], success=True)
+    assert "shut on nothing" in read_trial(written(tmp_path, thin), TOPICS, own).flags[0]
+    real = dataclasses.replace(thin, condition=dataclasses.replace(thin.condition, simulated=False))
+    with pytest.raises(RecordingError, match="shut on nothing"):
+        read_trial(written(tmp_path, real), TOPICS, own)
 
 
 def test_every_channel_says_what_rosbag2_would(tmp_path, trials):

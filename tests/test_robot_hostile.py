@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+import json
 import os
 import sqlite3
 import struct
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -72,6 +77,83 @@ def test_cuts_anywhere_are_refused_or_flagged_or_after_all_that_counts(tmp_path)
         path.write_bytes(whole[: int(rng.integers(len(whole)))])
         count += refused_or_same(path)
     assert count > 20
+
+
+READER = """
+import json, resource, sys, time
+from pathlib import Path
+from made_bags import ARM, TOPICS
+from graspfn.robot.analyse import trial_row
+from graspfn.robot.trial import RecordingError
+
+def peak():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
+
+first, *others = (Path(name) for name in sys.argv[1:])
+found, _ = {}, trial_row(first, TOPICS, ARM)
+before = peak()
+for path in [first, *others]:
+    started = time.process_time()
+    try:
+        row, error = trial_row(path, TOPICS, ARM), ""
+    except RecordingError as refused:
+        row, error = None, str(refused)
+    found[path.name] = row, error, time.process_time() - started
+print(json.dumps([found, peak() - before]))
+"""
+
+
+def damaged(whole: bytes, rng: np.random.Generator) -> bytes:
+    """Cut, with bits flipped where records begin or anywhere, a piece twice, or a piece gone."""
+    bad = bytearray(whole)
+    kind, place = int(rng.integers(5)), int(rng.integers(len(whole)))
+    piece = slice(place, place + int(rng.integers(1, 5000)))
+    if kind == 0:
+        return whole[:place]
+    if kind == 1:
+        return whole[: piece.stop] + whole[place:]
+    if kind == 2:
+        return whole[:place] + whole[piece.stop :]
+    starts = record_starts(whole)
+    for _ in range(int(rng.integers(1, 4))):
+        place = int(rng.choice(starts)) + int(rng.integers(40)) if kind == 3 else int(rng.integers(len(whole)))
+        bad[min(place, len(bad) - 1)] ^= 1 << int(rng.integers(8))
+    return bytes(bad)
+
+
+def test_two_hundred_hostile_files_cost_bounded_memory_and_time_and_give_no_wrong_number(tmp_path, bombs):
+    """In a process of its own, whose peak of memory is that of the worst of them."""
+    whole = write_mcap(tmp_path / "whole.mcap", FEW, None, compression=CompressionType.ZSTD, chunk_size=30_000)
+    rng = np.random.default_rng(7)
+    files = {f"damaged-{i}.mcap": damaged(whole.read_bytes(), rng) for i in range(180)}
+    for told, (size, data) in bombs.items():
+        for claim in (size, 100, 3 << 30, 2**64 - 1):
+            files[f"bomb-{told}-{claim}.mcap"] = MAGIC + chunk("zstd", claim, data)
+        files[f"bomb-{told}.mcap.zstd"] = data
+        files[f"bomb-{told}.db3.zstd"] = data
+    files["bomb-within-bounds.mcap"] = MAGIC + chunk("zstd", bounds.MOST_CHUNK, zeros(bounds.MOST_CHUNK, True))
+    files |= {f"noise-{i}.{kind}": rng.bytes(5000) for i in range(4) for kind in ("mcap", "db3", "mcap.zstd")}
+    for name, data in files.items():
+        (tmp_path / name).write_bytes(data)
+        describe(tmp_path / name, SAID)
+    describe(whole, SAID)
+    folders = [str(Path(__file__).parent), *filter(None, sys.path)]
+    done = subprocess.run(
+        [sys.executable, "-c", READER, whole, *(tmp_path / name for name in files)],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(folders)}, capture_output=True, text=True, timeout=600,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-2000:]
+    found, grown_mib = json.loads(done.stdout)
+    assert set(found) == {whole.name, *files} and len(files) > 200
+    right, _, _ = found.pop(whole.name)
+    numbers = ("u_m", "v_m", "theta_rad", "reached_u_m", "reached_v_m", "reached_theta_rad", "success", "object")
+    for name, (row, error, seconds) in found.items():
+        assert seconds < 10, name  # of the processor's clock, however busy the machine
+        assert (row is None) == bool(error) and "\n" not in error, name
+        if row is not None:
+            assert [row[key] for key in numbers] == [right[key] for key in numbers], name
+    assert sum(row is None for row, _, _ in found.values()) > 100
+    assert grown_mib < 700  # a chunk of 256 MiB, and what is made of it
 
 
 def record_starts(data: bytes) -> list[int]:
@@ -181,11 +263,19 @@ def test_more_messages_or_bytes_than_a_trial_has(tmp_path, monkeypatch):
     assert "more than 0 MiB" in refused(path)
 
 
-@pytest.mark.parametrize("compression", ["lz4", "zstd", "snappy", "\N{SNOWMAN}", ""])
-@pytest.mark.parametrize("data", [b"", b"\0" * 40, b"\x28\xb5\x2f\xfd" + b"\xff" * 40, os.urandom(64)])
+RUBBISH = {
+    "nothing": b"",
+    "zeros": b"\0" * 40,
+    "a head of zstd": b"\x28\xb5\x2f\xfd" + b"\xff" * 40,
+    "noise": np.random.default_rng(3).bytes(64),
+}
+
+
+@pytest.mark.parametrize("compression", ["lz4", "zstd", "snappy", "\N{SNOWMAN}", ""], ids=ascii)
+@pytest.mark.parametrize("data", RUBBISH)
 def test_chunks_of_rubbish(tmp_path, compression, data):
     path = tmp_path / "a.mcap"
-    path.write_bytes(MAGIC + chunk(compression, 1000, data))
+    path.write_bytes(MAGIC + chunk(compression, 1000, RUBBISH[data]))
     refused(path)
 
 
@@ -201,7 +291,9 @@ STAMP = struct.pack("<iI", 1, 2) + struct.pack("<I", 1) + b"\0" + b"\0" * 3
     "topic", [key for key in ("depth", "camera_info", "commanded", "joints", "outcome", "tf", "tf_static")]
 )
 @pytest.mark.parametrize(
-    "data", [b"", b"\0", cdr(), cdr(HUGE), cdr(STAMP, HUGE, HUGE), cdr(b"\xff" * 300), cdr(STAMP, HUGE * 99)]
+    "data",
+    [b"", b"\0", cdr(), cdr(HUGE), cdr(STAMP, HUGE, HUGE), cdr(b"\xff" * 300), cdr(STAMP, HUGE * 99)],
+    ids=range(7),
 )
 def test_messages_of_rubbish(tmp_path, monkeypatch, topic, data):
     """Counts of four thousand million strings, joints, transforms and bytes among it."""
@@ -229,7 +321,7 @@ SCHEMAS = [
 ]
 
 
-@pytest.mark.parametrize("definition", SCHEMAS)
+@pytest.mark.parametrize("definition", SCHEMAS, ids=range(len(SCHEMAS)))
 def test_definitions_of_rubbish(tmp_path, monkeypatch, definition):
     kind = "geometry_msgs/msg/PoseStamped"
     monkeypatch.setitem(messages.SCHEMAS, kind, definition.decode("latin-1"))
@@ -274,6 +366,7 @@ FOREVER = (
          f"FROM ({FOREVER}) WHERE id < 0"),
         (*TABLES, "DROP TABLE messages", "CREATE TABLE messages(a, b)"),
     ],
+    ids=itertools.count(),
 )  # fmt: skip
 def test_databases_that_are_no_bag(tmp_path, statements):
     path = database(tmp_path / "a.db3", *statements)
@@ -284,7 +377,7 @@ def test_databases_that_are_no_bag(tmp_path, statements):
 def test_a_damaged_database_is_refused_or_the_same(tmp_path):
     """Random damage to a .db3, which has no checksums: never another exception."""
     path, rng = tmp_path / "a.db3", np.random.default_rng(2)
-    database(path, *TABLES, *[("INSERT INTO messages VALUES (?, 1, ?, ?)", (i, i, os.urandom(300))) for i in range(50)])
+    database(path, *TABLES, *[("INSERT INTO messages VALUES (?, 1, ?, ?)", (i, i, rng.bytes(300))) for i in range(50)])
     describe(path, SAID)
     whole = path.read_bytes()
     for i in range(60):
@@ -326,6 +419,7 @@ def test_things_that_are_no_files(tmp_path):
         "{" * 3000,
         "\0",
     ],
+    ids=range(7),
 )
 def test_lists_of_parts_that_are_none(tmp_path, listed):
     write_mcap(tmp_path / "bag_0.mcap", TINY)

@@ -5,23 +5,33 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+import torch
 from made_bags import ARM as BY_TF
 from made_bags import SAID, TOPICS, at, entries, write_mcap
 from physics_params import PARAMS
 from PIL import Image
+from test_planning_planner import CAMERA, placed, seen
+from test_robot_recording import CONDITION, trial
 from typer.testing import CliRunner
 
-from graspfn import cli
 from graspfn.cli import app
+from graspfn.commands import logs as logs_command
+from graspfn.geometry import grid
 from graspfn.learning.networks import build_network
 from graspfn.learning.weights import save_network
 from graspfn.params import Arm
-from graspfn.robot import messages
+from graspfn.planning.covariance_file import read_covariance
+from graspfn.reporting.failures import write_failures
+from graspfn.robot import analyse as analyse_module
+from graspfn.robot import messages, replan
 from graspfn.robot.analyse import analyse
-from graspfn.robot.covariance_file import read_covariance
+from graspfn.robot.read import recordings
+from graspfn.robot.replan import Replanner
 
 ARM = Arm("topic", "table", "up", "base_link", "tool", "x", None, 1, None)
 KEPT = [TOPICS.depth, TOPICS.camera_info, TOPICS.commanded, TOPICS.outcome]
@@ -48,8 +58,8 @@ def folder(tmp_path, monkeypatch):
     os.mkfifo(there / "bad-pipe.mcap")
     write_mcap(there / "bad-unsaid.mcap", FEW, None)
     made = dataclasses.replace(PARAMS, topics=TOPICS, arm=ARM)
-    monkeypatch.setattr(cli, "read_yaml", lambda path: None)
-    monkeypatch.setattr(cli, "validate", lambda values: made)
+    monkeypatch.setattr(logs_command, "read_yaml", lambda path: None)
+    monkeypatch.setattr(logs_command, "validate", lambda values: made)
     return there
 
 
@@ -107,18 +117,74 @@ def test_bags_in_folders_of_a_folder_are_named_by_their_path(folder):
 
 def test_a_changed_network_or_unit_shows_when_planned_again(folder, tmp_path):
     """The made bags command what no network planned."""
+    torch.manual_seed(0)
     net = PARAMS.network["fcn"]
     save_network(tmp_path / "fcn", build_network(net), net)
     option = ["--network", f"fcn={tmp_path / 'fcn'}"]
     two = [str(folder / f"trial-{i}.mcap") for i in (0, 1)]
     result = CliRunner().invoke(app, ["logs", *two, *option, "--out", str(tmp_path / "out")])
     assert result.exit_code == 0, result.stderr
-    assert result.stderr.count("planned again") == 2
+    assert "trial-0.mcap: planned again, the pose is" in result.stdout and not result.stderr
     with Image.open(tmp_path / "out/failures/trial-0.mcap.png") as page:
         assert page.width > 500
     for bad in ("fcn", f"fcn={tmp_path / 'none'}"):
         result = CliRunner().invoke(app, ["logs", str(folder), "--network", bad])
         assert result.exit_code == 2 and result.stderr.count("\n") == 1
+
+
+def peak_at_the_object(offset_m, inputs):
+    """A network's scores and classes: highest where the object is seen, and so far beside it along u."""
+    rows, columns = np.nonzero(inputs[0, 0] > 0.1)  # of 100 mm
+    v, u = np.mean([rows, columns], axis=1) * 0.0025 - [0.16375, 0.21875]
+    poses = grid.poses()
+    f = 0.9 * np.exp(-0.5 * ((poses[..., 0] - u - offset_m) ** 2 + (poses[..., 1] - v) ** 2) / 0.02**2)
+    f *= np.cos(poses[..., 2] - 1) ** 2
+    return f[None], np.rint(5 * f)[None].astype(np.uint8)
+
+
+def test_a_plan_on_the_recorded_image_is_the_recorded_one_until_something_changes(monkeypatch):
+    """The camera, its unit, the network; not by rounding to millimetres, nor where another pose is as good."""
+    monkeypatch.setattr(replan, "_loaded", lambda folder: ("height_map", float(folder.name)))
+    monkeypatch.setattr(replan, "predict_both", peak_at_the_object)
+    sections = (PARAMS.plan, PARAMS.seed, PARAMS.camera, PARAMS.table, PARAMS.gripper)
+    again, other = (Replanner.of({"fcn": Path(offset)}, *sections) for offset in ("0", "0.04"))
+    exact = seen(CAMERA, placed((0.09, -0.06), 0.6)[0])
+    for method in ("Best Grasp", "Best Grasp (likeliest class)", "Robust Best Grasp"):
+        condition = dataclasses.replace(CONDITION, method=method, network="fcn")
+        first = trial(condition=condition, depth=exact, camera_matrix=CAMERA.matrix)
+        same = dataclasses.replace(first, commanded=again.replan(first).q)
+        assert again.differs(same) == ""
+        assert again.differs(dataclasses.replace(same, depth=np.round(exact, 3))) == ""
+        assert "mm and" in again.differs(dataclasses.replace(same, camera_matrix=CAMERA.matrix * [[0.7], [0.7], [1]]))
+        assert "planned again, the pose is 4" in other.differs(same)
+        assert "no grasp is found: table: " in again.differs(dataclasses.replace(same, depth=10 * exact))
+        assert again.differs(dataclasses.replace(same, commanded=None)) == "planned again, a grasp is found"
+        assert Replanner.of({"alexnet": Path("0")}, *sections).differs(first) == ""
+    monkeypatch.setattr(replan, "predict_both", lambda _, inputs: (np.full((1, *grid.SHAPE), 0.5),) * 2)
+    assert again.differs(first) == ""
+
+
+def test_the_number_of_processes_changes_nothing(folder, monkeypatch):
+    bags = recordings(folder)
+    monkeypatch.setattr(analyse_module, "WORTH_PROCESSES", 2)
+    compute = dataclasses.replace(PARAMS.compute, workers=2)
+    alone, shared = (analyse(bags, TOPICS, ARM, compute=one) for one in (None, compute))
+    for name in ("trials", "uncertainty", "unused"):
+        pd.testing.assert_frame_equal(getattr(alone, name), getattr(shared, name))
+    assert len(alone.unused) == 3
+
+
+def test_names_on_a_page_may_be_anything(folder, tmp_path):
+    """No mathematics in them."""
+    bag = write_mcap(folder / "$\\frac$_\\x.mcap", [
+        (time, topic, kind, message | {"name": ["$\\frac$", "_b", "c"]} if topic == TOPICS.joints else message)
+        for time, topic, kind, message in entries(held=False)
+    ], SAID | {"object": "$\\left$", "placement": "x" * 300})  # fmt: skip
+    arm = dataclasses.replace(BY_TF, achieved="columns", finger_joints=None)
+    sidecar = "reached_u_mm: 50\nreached_v_mm: -30\nreached_theta_deg: 40\n"
+    bag.with_name(f"{bag.name}.trial.yaml").write_text(sidecar)
+    trials = analyse([bag], TOPICS, arm).trials
+    assert write_failures(tmp_path, trials, folder, TOPICS, arm, {}, 100.0, None, None) == 1
 
 
 @pytest.mark.parametrize(

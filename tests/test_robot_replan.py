@@ -13,6 +13,7 @@ from test_robot_recording import trial
 from graspfn.evaluation.planner import Planner
 from graspfn.learning.networks import build_network
 from graspfn.learning.prediction import OneByOne
+from graspfn.learning.weights import save_network
 from graspfn.planning.methods import BEST, ROBUST
 from graspfn.planning.planner import Grasp, GraspPlanner, Method
 from graspfn.planning.uncertainty import PoseUncertainty
@@ -20,7 +21,13 @@ from graspfn.robot.replan import Replanner
 from graspfn.robot.trial import TrialRecording
 
 NETWORK = build_network(PARAMS.network["fcn"], 0).eval()
-AGAIN = Replanner({"fcn": ("height_map", NETWORK)}, Planner(PARAMS.plan, 0), CAMERA, PARAMS.table, GRIPPER)
+
+
+@pytest.fixture(scope="module")
+def again(tmp_path_factory) -> Replanner:
+    folder = tmp_path_factory.mktemp("networks") / "fcn-0"
+    save_network(folder, NETWORK, PARAMS.network["fcn"])
+    return Replanner({"fcn": folder}, Planner(PARAMS.plan, 0), CAMERA, PARAMS.table, GRIPPER)
 
 
 def recorded(depth: np.ndarray, method: str, q: np.ndarray | None) -> TrialRecording:
@@ -32,18 +39,18 @@ def recorded(depth: np.ndarray, method: str, q: np.ndarray | None) -> TrialRecor
 
 
 @pytest.mark.parametrize(("method", "name"), [(Method.BEST, BEST), (Method.ROBUST, ROBUST)])
-def test_it_is_the_pose_that_the_planner_commanded(method, name):
+def test_it_is_the_pose_that_the_planner_commanded(method, name, again):
     depth = seen(CAMERA, placed((0.05, 0.02), 0.7)[0])
     planner = GraspPlanner(OneByOne(NETWORK), "height_map", GRIPPER, PARAMS.table, PARAMS.plan)
     grasp = planner.plan(depth, CAMERA, PoseUncertainty.of(5, 10), method)
     assert isinstance(grasp, Grasp), grasp.reason
-    again = AGAIN.replan(recorded(depth, name, grasp.q))
-    assert again is not None
-    np.testing.assert_array_equal(again.q, grasp.q)
-    np.testing.assert_array_equal(again.f, grasp.function.f)
-    np.testing.assert_array_equal(again.robust, grasp.function.on_q)
-    assert again.differs(grasp.q) == ""
-    assert again.differs(None) == "planned again, a grasp is found"
+    planned = again.replan(recorded(depth, name, grasp.q))
+    assert planned is not None
+    np.testing.assert_array_equal(planned.q, grasp.q)
+    np.testing.assert_array_equal(planned.f, grasp.function.f)
+    np.testing.assert_array_equal(planned.robust, grasp.function.on_q)
+    assert planned.differs(grasp.q) == ""
+    assert planned.differs(None) == "planned again, a grasp is found"
 
 
 @pytest.mark.parametrize(
@@ -53,8 +60,8 @@ def test_it_is_the_pose_that_the_planner_commanded(method, name):
         (np.zeros((480, 640), np.float32), "depth image: 0 of the pixels"),
     ],
 )
-def test_an_image_that_is_refused_says_why(depth, says):
-    again = AGAIN.replan(recorded(depth, ROBUST, None))
-    assert again is not None and again.q is None and not again.f.any() and not again.robust.any()
-    assert again.differs(None) == ""
-    assert again.differs(np.zeros(3)).startswith(f"planned again, no grasp is found: {says}")
+def test_an_image_that_is_refused_says_why(depth, says, again):
+    planned = again.replan(recorded(depth, ROBUST, None))
+    assert planned is not None and planned.q is None and not planned.f.any() and not planned.robust.any()
+    assert planned.differs(None) == ""
+    assert planned.differs(np.zeros(3)).startswith(f"planned again, no grasp is found: {says}")

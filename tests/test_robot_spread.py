@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 import yaml
 
+from graspfn.planning.covariance_file import read_covariance
+from graspfn.planning.uncertainty import PlanningError
 from graspfn.robot.analyse import Measured
-from graspfn.robot.covariance_file import file_name, read_covariance, write_covariance
+from graspfn.robot.covariance_file import file_name, write_covariance
 from graspfn.robot.spread import spread, standard_deviation
-from graspfn.robot.trial import RecordingError
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from spread import CASES, Case, coverage
@@ -97,7 +98,17 @@ def test_the_file_says_all_and_comes_back(tmp_path):
     assert path.name == "6.2mm-4.7deg-injected.yaml"
     write_covariance(path, Measured("6.2 mm, 4.7° injected", found, ("a.mcap",)))
     scale = np.array([1e-3, 1e-3, np.pi / 180])
-    np.testing.assert_allclose(read_covariance(path), found.covariance * np.outer(scale, scale), rtol=1e-5)
+    np.testing.assert_allclose(read_covariance(path), found.covariance * np.outer(scale, scale), rtol=1e-9)
+    for few in (1, 2, 3):  # too few for a spread in all directions: that of some is singular, that of one is none
+        found = spread(errors[:few])
+        write_covariance(path, Measured("few", found, ()))
+        if few == 1:
+            with pytest.raises(PlanningError, match="9 of its 9 numbers are NaN"):
+                read_covariance(path)
+        else:
+            np.testing.assert_allclose(read_covariance(path), found.covariance * np.outer(scale, scale), rtol=1e-9)
+    found = spread(errors)
+    write_covariance(path, Measured("6.2 mm, 4.7° injected", found, ("a.mcap",)))
     values = yaml.safe_load(path.read_text())
     assert values["units"] == {"u": "mm", "v": "mm", "theta": "deg"}
     assert values["outliers"] == ["a.mcap"] and values["bias"]["u"][1] < values["bias"]["u"][0]
@@ -108,11 +119,13 @@ def test_the_file_says_all_and_comes_back(tmp_path):
     [
         ({"units": {"u": "mm", "v": "mm"}}, "units: takes u and v in mm or m"),
         ({"units": {"u": "mm", "v": "deg", "theta": "deg"}}, "units: takes"),
-        ({"covariance": [[1, 0], [0, 1]]}, "symmetric matrix of 3 rows"),
-        ({"covariance": [[1, 0, 0], [1, 1, 0], [0, 0, 1]]}, "symmetric"),
-        ({"covariance": [[1, 2, 0], [2, 1, 0], [0, 0, 1]]}, "negative variance"),
-        ({"covariance": "wide"}, "takes YAML with units"),
-        ({"covariance": [[None, 0, 0], [0, 1, 0], [0, 0, 1]]}, "takes|symmetric"),
+        ({"covariance": [[1, 0], [0, 1]]}, r"covariance: has the shape \(2, 2\)"),
+        ({"covariance": [[1, 0, 0], [1, 1, 0], [0, 0, 1]]}, "covariance: not symmetric"),
+        ({"covariance": [[1, 2, 0], [2, 1, 0], [0, 0, 1]]}, "covariance: not positive semi-definite"),
+        ({"covariance": "wide"}, "covariance: takes 3 x 3 numbers"),
+        ({"covariance": [[None, 0, 0], [0, 1, 0], [0, 0, 1]]}, "covariance: 1 of its 9 numbers are NaN"),
+        ({"units": 3}, "units: takes"),
+        ({"units": None}, "units: takes"),
     ],
 )
 def test_a_file_that_is_no_covariance_is_refused(tmp_path, change, says):
@@ -121,5 +134,10 @@ def test_a_file_that_is_no_covariance_is_refused(tmp_path, change, says):
     path.write_text(yaml.safe_dump(good))
     np.testing.assert_array_equal(read_covariance(path), np.eye(3))
     path.write_text(yaml.safe_dump(good | change))
-    with pytest.raises(RecordingError, match=says):
+    with pytest.raises(PlanningError, match=says) as error:
         read_covariance(path)
+    assert str(error.value).startswith(f"{path}: ") and "\n" not in str(error.value)
+    for text in (b"", b"- a\n", b"{", b"\xff", b"units: {u: m, v: m, theta: rad}\n"):
+        path.write_bytes(text)
+        with pytest.raises(PlanningError, match="takes YAML with units"):
+            read_covariance(path)

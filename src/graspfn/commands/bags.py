@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,22 +11,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from graspfn.evaluation.planner import Planner
-from graspfn.imaging.camera import Camera
-from graspfn.learning.folder import input_kind
-from graspfn.learning.weights import load_network
-from graspfn.params import Arm, Params, Topics
+from graspfn.params import Params
 from graspfn.reporting import tables
-from graspfn.reporting.figures.failed_trial import draw_failed_trial
-from graspfn.reporting.figures.style import png_bytes
+from graspfn.reporting.failures import write_failures
 from graspfn.reporting.layout import layout2, to_markdown
 from graspfn.robot.analyse import Analysis, analyse
 from graspfn.robot.bag import is_bag
 from graspfn.robot.covariance_file import content, file_name, write_covariance
 from graspfn.robot.described import read_table, read_tables
-from graspfn.robot.read import read_trial, recordings
+from graspfn.robot.read import recordings
 from graspfn.robot.replan import Replanner
-from graspfn.robot.trial import RecordingError, TrialRecording
+from graspfn.robot.trial import RecordingError
 from graspfn.workflow.files import atomic
 
 
@@ -38,11 +33,18 @@ class Bags:
     rows: dict[Path, dict[str, str]]
     folder: Path
 
-    def analysed(self, topics: Topics, arm: Arm) -> Analysis:
+    def analysed(self, params: Params, again: Replanner | None) -> Analysis:
         """RecordingError where none can be used."""
-        found = analyse(self.paths, topics, arm, self.rows, self.folder)
+        found = analyse(self.paths, params.topics, params.arm, self.rows, self.folder, again, params.compute)
         found.check(1.0)
         return found
+
+    def explained(self, out: Path, found: Analysis, params: Params, again: Replanner | None) -> int:
+        """A page for each failed trial; how many."""
+        opening_mm, compute = params.gripper.opening_mm, params.compute
+        return write_failures(
+            out, found.trials, self.folder, params.topics, params.arm, self.rows, opening_mm, again, compute
+        )
 
 
 def gather(paths: Sequence[Path]) -> Bags:
@@ -69,8 +71,9 @@ def gather(paths: Sequence[Path]) -> Bags:
 
 
 def text(found: Analysis) -> str:
-    """Table 2, then Sigma of each condition, and what is odd about which trial."""
-    return "\n".join([_table2(found), "", *(measured.text() for measured in found.measured), *found.oddities()])
+    """Table 2, then Sigma of each condition, why trials failed, and what is odd about which trial."""
+    measured = [measured.text() for measured in found.measured]
+    return "\n".join([_table2(found), "", *measured, *filter(None, [found.reasons()]), *found.oddities()])
 
 
 def _table2(found: Analysis) -> str:
@@ -99,57 +102,15 @@ def _plain(value: Any) -> Any:
 
 def replanner(params: Params, networks: Sequence[str]) -> Replanner:
     """networks: NAME=FOLDER, the name that recordings give a network, and where it is saved."""
-    loaded = {}
+    folders = {}
     for text_ in networks:
         name, _, folder = text_.partition("=")
         if not name or not folder:
             raise RecordingError(f"--network {text_}: takes NAME=FOLDER, as recordings name it and where it is saved")
-        loaded[name] = input_kind(Path(folder)), load_network(Path(folder))
-    planner, camera = Planner(params.plan, params.seed), Camera.from_params(params.camera)
-    return Replanner(loaded, planner, camera, params.table, params.gripper)
-
-
-def replan(found: Analysis, bags: Bags, params: Params, again: Replanner) -> dict[str, str]:
-    """A line for every trial, by file, whose recorded image gives another pose than was recorded, or none can be
-    planned on."""
-    lines = {}
-    for file in found.trials["file"]:
-        trial = _read(bags, file, params)
-        try:
-            planned = again.replan(trial)
-        except ValueError as error:  # of an image that shows no table, say
-            lines[file] = f"cannot be planned again: {error}"
-            continue
-        if planned and (line := planned.differs(trial.commanded)):
-            lines[file] = line
-    return lines
-
-
-def _read(bags: Bags, file: str, params: Params, detail: bool = False) -> TrialRecording:
-    path = bags.folder / file
-    return read_trial(path, params.topics, params.arm, bags.rows.get(path), detail)
-
-
-def write_failures(
-    out: Path, found: Analysis, bags: Bags, params: Params, again: Replanner | None, differs: Mapping[str, str]
-) -> int:
-    """A page for every failed trial, failures/<bag>.png; how many."""
-    failed = found.trials[~found.trials["success"].astype(bool)]
-    for row in failed.to_dict("records"):
-        file = str(row["file"])
-        trial = _read(bags, file, params, detail=True)
-        try:
-            planned = again.replan(trial) if again else None
-        except ValueError:
-            planned = None
-        height, width = trial.depth.shape
-        camera = Camera.of_the_paper(width, height, float(trial.camera_matrix[0, 0]))
-        remarks = "; ".join(filter(None, [str(row["flags"]), str(row["doubts"]), differs.get(file, "")]))
-        fingers = params.arm.finger_joints or ()
-        page = draw_failed_trial(file, trial, fingers, params.gripper.opening_mm, camera, planned, remarks)
-        with atomic(out / "failures" / f"{file.replace('/', '-')}.png") as part:
-            part.write_bytes(png_bytes(page))
-    return len(failed)
+        folders[name] = Path(folder)
+    again = Replanner.of(folders, params.plan, params.seed, params.camera, params.table, params.gripper)
+    again.check()
+    return again
 
 
 def write(out: Path, found: Analysis) -> None:

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from graspfn.commands.ending import InputError
 from graspfn.geometry.transforms import translation
 from graspfn.imaging.camera import Camera
+from graspfn.planning.covariance_file import read_covariance
 from graspfn.planning.planner import check_rigid
 from graspfn.planning.uncertainty import PlanningError
 from graspfn.robot import decode
@@ -22,20 +23,13 @@ PARTS = {"translation": "xyz", "rotation": "xyzw"}
 REGION = {"x_offset": 0, "y_offset": 0, "width": 0, "height": 0}
 
 
-def lens(info: Any, shape: tuple[int, int]) -> Camera:
-    """The camera of a CameraInfo message for an image (height, width); RecordingError says why it is not its."""
-    K = decode.camera_matrix(info, shape)
-    height, width = shape
-    return Camera(width, height, (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), decode.distortion(info))
-
-
 def read_camera(path: Path, shape: tuple[int, int]) -> Camera:
     """The camera of an image (height, width): CameraInfo as `ros2 topic echo` or camera_calibration write it."""
     values = _yaml(path, "--camera")
     if not isinstance(values, dict):
         raise InputError(f"--camera {path}: takes a CameraInfo, as ROS writes it")
     try:
-        return lens(_info(values, shape), shape)
+        return decode.camera(_info(values, shape), shape)
     except KeyError as error:
         raise InputError(
             f"--camera {path}: {error.args[0]}: missing; it takes a CameraInfo, as ROS writes it"
@@ -110,11 +104,9 @@ def read_covariance_file(path: Path, option: str) -> np.ndarray:
     """(3, 3) of (u, v, theta), metres and radians: nine numbers, or, in YAML, what `graspfn logs` has written."""
     if path.suffix.lower() not in (".yaml", ".yml"):
         return read_matrix(path, option, 3)
-    from graspfn.robot.covariance_file import read_covariance  # pandas is slow to import
-
     try:
         return read_covariance(path)
-    except RecordingError as error:
+    except PlanningError as error:
         raise InputError(f"{option} {error}") from None
 
 

@@ -30,15 +30,12 @@ def logs(
         params = validate(read_yaml(Path("params.yaml")))
         gathered = bags.gather(paths)
         again = bags.replanner(params, network) if network else None
-        found = gathered.analysed(params.topics, params.arm)
+        found = gathered.analysed(params, again)
         for reason in found.unused["reason"]:
             typer.echo(f"left out: {reason}", err=True)
-        differs = bags.replan(found, gathered, params, again) if again else {}
-        for file, line in differs.items():
-            typer.echo(f"{file}: {line}", err=True)
         if out is not None:
             bags.write(out, found)
-            bags.write_failures(out, found, gathered, params, again, differs)
+            gathered.explained(out / "failures", found, params, again)
     except ValueError as error:  # ParameterError, RecordingError
         end_at([str(error)], BAD_INPUT)
     except OSError as error:

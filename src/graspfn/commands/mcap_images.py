@@ -6,16 +6,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.reader import McapReader, make_reader
-from mcap_ros2.decoder import DecoderFactory
 
-from graspfn.commands.camera_files import lens
 from graspfn.commands.ending import InputError
 from graspfn.imaging.camera import Camera
 from graspfn.robot import decode
+from graspfn.robot.bag import Bag, open_bag, telling_damage
+from graspfn.robot.mcap_file import CUT
+from graspfn.robot.topics import KINDS, Decoder, naming
 from graspfn.robot.trial import RecordingError
 
-IMAGE, CAMERA_INFO = "sensor_msgs/msg/Image", "camera_info"
+CAMERA_INFO = "camera_info"
 
 
 def read_topic(path: Path, topic: str | None) -> tuple[np.ndarray, Camera | None]:
@@ -24,41 +24,45 @@ def read_topic(path: Path, topic: str | None) -> tuple[np.ndarray, Camera | None
     The camera's topic is named as drivers name it: camera_info beside the image.
     """
     try:
-        with path.open("rb") as stream:
-            image, info, topic = _last(stream, path, topic)
-    except (InputError, OSError):
-        raise
-    except Exception as error:  # damaged bytes surface as any of a dozen types
-        raise InputError(f"{path}: damaged: {' '.join(f'{type(error).__name__} {error}'.split())}") from None
-    try:
-        depth = decode.depth(image)
-        return depth, None if info is None else lens(info, depth.shape)
+        with open_bag(path, (), ()) as bag:
+            kinds = bag.kinds
+        if cut := [flag for flag in bag.flags if flag.startswith(CUT)]:
+            raise InputError(f"{path}: {cut[0]}: the recording was not finished, or not copied whole")
+        images = sorted(name for name, kind in kinds.items() if kind in KINDS["depth"])
+        if topic is not None and topic not in images:
+            raise InputError(f"--topic {topic}: {path} has no depth image on it; it takes one of {images}")
+        asked = [topic] if topic else images
+        topics = {*asked, *map(_info_topic, asked)}
+        with open_bag(path, topics, topics) as bag, telling_damage():
+            return _read(bag, asked, topic is None)
     except RecordingError as error:
-        raise InputError(f"{path}: topic {topic}: {error}") from None
+        raise InputError(f"{path}: {error}") from None
 
 
-def _last(stream: Any, path: Path, topic: str | None) -> tuple[Any, Any, str]:
-    reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-    summary = reader.get_summary()
-    if summary is None:
-        raise InputError(f"{path}: cut short: the recording was not finished, or not copied whole")
-    kinds = {c.topic: s.name for c in summary.channels.values() if (s := summary.schemas.get(c.schema_id))}
-    images = sorted(name for name, kind in kinds.items() if kind == IMAGE)
-    if topic is None:
-        decoded = {name: message for name in images if (message := _newest(reader, name))}
-        images = [name for name, message in decoded.items() if message.encoding in decode.PIXELS]
+def _info_topic(topic: str) -> str:
+    """Where image_transport has compressed images is one level below."""
+    return f"{topic.removesuffix('/compressedDepth').rpartition('/')[0]}/{CAMERA_INFO}"
+
+
+def _read(bag: Bag, topics: list[str], any_of: bool) -> tuple[np.ndarray, Camera | None]:
+    decoder = Decoder(bag)
+
+    def last(topic: str, kind: str) -> Any:
+        found = bag.found[topic]
+        return decoder.fields(found[-1], KINDS[kind]) if found else None
+
+    images = {topic: image for topic in topics if (image := last(topic, "depth")) is not None}
+    if any_of:
+        images = {topic: image for topic, image in images.items() if decode.is_depth(image)}
         if len(images) != 1:
-            raise InputError(f"{path}: has {len(images)} topics of depth images; --topic takes one of {sorted(kinds)}")
-        topic = images[0]
-    if kinds.get(topic) != IMAGE:
-        raise InputError(f"--topic {topic}: {path} has no {IMAGE} on it; it takes one of {images}")
-    image = _newest(reader, topic)
-    if image is None:
-        raise InputError(f"--topic {topic}: {path} has no message on it")
-    return image, _newest(reader, f"{topic.rpartition('/')[0]}/{CAMERA_INFO}"), topic
-
-
-def _newest(reader: McapReader, topic: str) -> Any:
-    """The decoded message, None where there is none."""
-    found = next(iter(reader.iter_decoded_messages(topics=[topic], reverse=True)), None)
-    return None if found is None else found[3]
+            raise RecordingError(f"has {len(images)} topics of depth images; --topic takes one of {sorted(bag.kinds)}")
+    if not images:
+        raise RecordingError(f"no message on topic {topics[0]}")
+    ((topic, image),) = images.items()
+    with naming(topic):
+        depth = decode.depth(image)
+    height, width = depth.shape
+    info_topic = _info_topic(topic)
+    with naming(info_topic):
+        info = last(info_topic, "camera_info")
+        return depth, None if info is None else decode.camera(info, (height, width))

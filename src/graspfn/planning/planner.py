@@ -14,7 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
-from graspfn.geometry.transforms import T_world_grasp, apply, translation
+from graspfn.geometry.transforms import T_world_grasp, apply
 from graspfn.imaging.camera import Camera
 from graspfn.imaging.height_map import HeightMap
 from graspfn.imaging.holes import check_image
@@ -28,6 +28,7 @@ from graspfn.planning.model import DEFAULT, FEWEST_PX, check_model, largest_obje
 from graspfn.planning.objects import refusal, where_met
 from graspfn.planning.onnx_network import OnnxNetwork
 from graspfn.planning.robust import RobustFunction
+from graspfn.planning.target import T_robot_target
 from graspfn.planning.uncertainty import PlanningError, PoseUncertainty
 
 
@@ -188,14 +189,17 @@ class GraspPlanner:
         self, method: Method, q: np.ndarray, function: RobustFunction, sight: Sight, T_robot_camera: np.ndarray | None
     ) -> Grasp:
         z_m = self.gripper.clearance_mm / 1000
-        T_camera_grasp = np.linalg.inv(sight.camera.T_world_camera) @ translation(0, 0, z_m) @ T_world_grasp(q)
+        T_camera_table, here = np.linalg.inv(sight.camera.T_world_camera), np.eye(4)
+        T_robot_grasp = None
+        if T_robot_camera is not None:
+            T_robot_grasp = T_robot_target(T_robot_camera, here, T_camera_table, q, z_m)
         return Grasp(
             method=method,
             q=q,
             z_m=z_m,
             pixel=_pixel(q, z_m, sight.camera),
-            T_camera_grasp=T_camera_grasp,
-            T_robot_grasp=None if T_robot_camera is None else T_robot_camera @ T_camera_grasp,
+            T_camera_grasp=T_robot_target(here, here, T_camera_table, q, z_m),
+            T_robot_grasp=T_robot_grasp,
             score=float(RobustFunction(function.f, CERTAIN).at(q[None]).item()),
             robust_score=float(function.at(q[None]).item()),
             function=function,

@@ -14,25 +14,27 @@ from graspfn.evaluation.planner import view
 from graspfn.imaging.camera import Camera
 from graspfn.imaging.holes import fill_holes
 from graspfn.imaging.noise import observe
-from graspfn.imaging.table import TableError, fit_table
 from graspfn.meshes.placed import load_resting, read_resting, resting_rows
 from graspfn.meshes.store import read_manifest
 from graspfn.physics.world import Rig
 from graspfn.planning.objects import where_met
+from graspfn.reporting.failures import page_path, some
 from graspfn.reporting.figures.depth_images import ExecutedGrasp
 from graspfn.reporting.film import Film, film_best_grasp, film_failure
 from graspfn.reporting.parameters import Parameter, flat_parameters
 from graspfn.reporting.plans import graspable_objects, plans_of
 from graspfn.reporting.sizes import widths
 from graspfn.robot.described import read_tables
-from graspfn.robot.places import ANY_TABLE
-from graspfn.robot.read import read_trial, source_of
+from graspfn.robot.places import camera_of
+from graspfn.robot.read import read_trial
+from graspfn.robot.source import source_of
 from graspfn.robot.trial import TrialRecording
 from graspfn.seeds import generator
 from graspfn.workflow.files import read_npz
 
 SPLITS = ("train", "test")
-SHOWN_TEST, SHOWN_GRASPS, SHOWN_FILMS = 4, 8, 10
+SHOWN_TEST, SHOWN_GRASPS, SHOWN_FILMS, SHOWN_FAILURES = 4, 8, 10, 3
+FAILURES = "robot_failures"  # in the folder of the data: a page for each failed trial
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +69,14 @@ class Recorded:
     raw: np.ndarray
     filled: np.ndarray
     grasps: tuple[ExecutedGrasp, ...]
+
+
+@dataclass(frozen=True)
+class FailedTrial:
+    """The page of a failed trial, by the name of its bag."""
+
+    file: str
+    png: bytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +117,7 @@ class ReportInputs:
     film: Film | None
     films: Mapping[str, Sequence[Film]]
     recorded: Recorded
+    failures: tuple[FailedTrial, ...]
     stage_seconds: Mapping[str, float]
 
 
@@ -194,23 +205,12 @@ def _films(data: Path, labels: Mapping[str, np.ndarray], params: Any) -> dict[st
     return films
 
 
-def _camera_of(trial: TrialRecording) -> Camera:
-    """The camera of a recording, which does not say how high it stood: over the table that it sees."""
-    height, width = trial.depth.shape
-    K = trial.camera_matrix
-    camera = Camera(width, height, (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), trial.distortion)
-    try:
-        return camera.at(fit_table(trial.depth, camera, ANY_TABLE).T_world_camera)
-    except TableError:
-        return Camera.of_the_paper(width, height, float(K[0, 0]))
-
-
 def _recorded(data: Path, trials: pd.DataFrame, params: Any) -> Recorded:
     """Successes of the robust method first, from different objects, with the least uncertainty first."""
     order = trials.assign(robust=trials["method"] != "Robust Best Grasp", failed=~trials["success"])
     order = order.sort_values(["failed", "robust", "sigma_uv_mm", "object", "placement", "network"])
     chosen = order[~order["failed"]].drop_duplicates("object").head(SHOWN_GRASPS)
-    folder, arm = source_of(params.robot, params.arm)
+    folder, arm = source_of(params.robot, params.arm, params.gripper)
     if params.robot.source == "simulated":
         folder = data / "recordings"
     table = read_tables(folder, [folder / file for file in trials["file"]])
@@ -219,7 +219,7 @@ def _recorded(data: Path, trials: pd.DataFrame, params: Any) -> Recorded:
         return read_trial(folder / file, params.topics, arm, table.get(folder / file))
 
     first = read(order["file"].iloc[0])
-    camera = _camera_of(first)
+    camera = camera_of(first)
     grasps = []
     for line in chosen.to_dict("records"):
         trial = read(line["file"])
@@ -266,5 +266,9 @@ def load_inputs(data: Path, params: Any, stage_seconds: Mapping[str, float]) -> 
         film=_film(data, labels, labelled.id, params),
         films=_films(data, labels, params),
         recorded=_recorded(data, robot_trials, params),
+        failures=tuple(
+            FailedTrial(file, page_path(data / FAILURES, file).read_bytes())
+            for file in some(robot_trials, SHOWN_FAILURES)
+        ),
         stage_seconds=stage_seconds,
     )

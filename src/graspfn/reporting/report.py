@@ -50,6 +50,22 @@ def write_tables(
     return [means, *laid_out.values(), third]
 
 
+def write_failed(inputs: ReportInputs, folder: Path) -> list[Picture]:
+    """Pages of a few failed trials; data/robot_failures has them all."""
+    count = int((~inputs.robot_trials["success"].astype(bool)).sum())
+    folder.mkdir(parents=True, exist_ok=True)
+    pictures = []
+    for i, failed in enumerate(inputs.failures):
+        caption = (
+            f"Why a trial failed: {failed.file}, as its recording tells. One of {len(inputs.failures)} of different "
+            f"objects, the first; data/robot_failures has a page for each of the {count:,} trials of Table 2 that "
+            f"failed. {tables.who_recorded(inputs.robot_trials)}"
+        )
+        pictures.append(Picture(f"failed_trial_{i + 1}", caption, failed.png))
+        (folder / f"{pictures[-1].name}.png").write_bytes(failed.png)
+    return pictures
+
+
 def write_report(inputs: ReportInputs, folder: Path) -> None:
     """Write tables, figures/*.{png,pdf}, metrics.json and index.html into `folder`.
 
@@ -61,6 +77,7 @@ def write_report(inputs: ReportInputs, folder: Path) -> None:
     shutil.rmtree(folder / "figures", ignore_errors=True)
     plates = draw_all(inputs, tables1.cells, robustness)
     pictures = [Picture(plate.name, plate.caption, save_plate(plate, folder / "figures")) for plate in plates]
+    pictures += write_failed(inputs, folder / "figures")
     numbers = metrics(inputs, tables1)
     (folder / "metrics.json").write_text(json.dumps(numbers, indent=2) + "\n")
     (folder / "index.html").write_text(render_page(inputs, numbers, layouts, pictures), encoding="utf-8")

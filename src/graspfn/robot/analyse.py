@@ -7,23 +7,31 @@ used costs itself alone, and is named with its reason.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import dataclasses
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
 from graspfn.geometry.grid import angle_difference
-from graspfn.params import Arm, Topics
+from graspfn.params import Arm, Compute, Topics
 from graspfn.robot.described import TABLE
+from graspfn.robot.judged import LIFTED_M
 from graspfn.robot.read import ARM, read_trial
 from graspfn.robot.spread import AXES, PAIRS, Estimate, Spread, spread
 from graspfn.robot.trial import INJECTED, RecordingError
+from graspfn.workflow.parallel import map_in_order
+
+if TYPE_CHECKING:
+    from graspfn.robot.replan import Replanner  # torch takes a second to load, and not all plan again
 
 ASSUMED = ["sigma_uv_mm", "sigma_theta_deg"]
 CONDITION = [*ASSUMED, *INJECTED]
 TRIAL = ["object", "placement", "method", "network", *CONDITION, "session"]
+WORTH_PROCESSES = 30  # bags; fewer are read before processes have started
 FEW = 3  # bags that a line names one by one
 UNITS = dict(zip(AXES, ("mm", "mm", "deg"), strict=True))
 
@@ -59,12 +67,24 @@ class Analysis:
     measured: tuple[Measured, ...]
 
     def oddities(self) -> list[str]:
-        """A line for every trial whose reached pose measures nothing, and for every flag, of how many bags."""
-        lines = [f"{t['file']}: not in Sigma: {t['doubts']}" for t in self.trials.to_dict("records") if t["doubts"]]
+        """A line for every trial whose reached pose measures nothing, or whose image gives another plan now, and for
+        every flag, of how many bags."""
+        trials = self.trials.to_dict("records")
+        lines = [f"{t['file']}: not in Sigma: {t['doubts']}" for t in trials if t["doubts"]]
+        lines += [f"{t['file']}: {t['replanned']}" for t in trials if t["replanned"]]
         flagged = self.trials[self.trials["flags"] != ""]
         for flag, files in flagged.groupby("flags")["file"]:
             lines.append(f"{', '.join(files) if len(files) <= FEW else f'{len(files)} bags'}: {flag}")
         return lines
+
+    def reasons(self) -> str:
+        """How many trials failed, and why, as far as fingers and lift tell; "" where none did."""
+        failed = self.trials[~self.trials["success"].astype(bool)]
+        if failed.empty:
+            return ""
+        why = failed["why"].str.replace(r"by -?\d+ mm", f"by less than {LIFTED_M * 1000:g} mm", regex=True)
+        counts = why.replace("", "the recording does not tell why").value_counts().sort_index()
+        return f"{len(failed)} of {len(self.trials)} trials failed: " + ", ".join(f"{n} {w}" for w, n in counts.items())
 
     def check(self, max_failed: float) -> None:
         """RecordingError where no trial is left, or more than this share of the bags could not be used."""
@@ -78,9 +98,17 @@ class Analysis:
 
 
 def trial_row(
-    path: Path, topics: Topics, arm: Arm = ARM, row: Mapping[str, str] | None = None, name: str = ""
+    path: Path,
+    topics: Topics,
+    arm: Arm = ARM,
+    row: Mapping[str, str] | None = None,
+    name: str = "",
+    again: Replanner | None = None,
 ) -> dict[str, object]:
-    """One row of the trials' table from one bag, by its name; its poses are NaN where the method found no grasp."""
+    """One row of the trials' table from one bag, by its name; its poses are NaN where the method found no grasp.
+
+    again: plans on the recorded image once more; where the pose is another, `replanned` says so.
+    """
     trial = read_trial(path, topics, arm, row)
     c = trial.condition
     nowhere = np.full(3, np.nan)
@@ -105,9 +133,11 @@ def trial_row(
         "reached_theta_rad": reached_theta,
         "success": trial.success,
         "judged": {None: "", True: "held", False: "failed"}[trial.judged],
+        "why": trial.why,
         "simulated": c.simulated,
         "flags": "; ".join(trial.flags),
         "doubts": "; ".join(trial.doubts),
+        "replanned": again.differs(trial) if again else "",
     }
 
 
@@ -183,36 +213,62 @@ def measure(trials: pd.DataFrame) -> tuple[pd.DataFrame, tuple[Measured, ...]]:
     return pd.DataFrame(rows), tuple(measured)
 
 
+def each_bag(
+    function: Callable[..., Any], tasks: Sequence[tuple[str, tuple[Any, ...]]], compute: Compute | None
+) -> Iterator[tuple[str, Any]]:
+    """function(*arguments) of every (name, arguments), in their order: (name, result), or the RecordingError of a bag.
+
+    Bags lie on this machine: no cluster reads them. One that takes its process down costs itself alone.
+    """
+    if compute is not None and len(tasks) >= WORTH_PROCESSES:
+        here = dataclasses.replace(compute, address=None)
+        for name, result in map_in_order(function, tasks, len(tasks), here, None):
+            if isinstance(result, Exception) and not isinstance(result, RecordingError | RuntimeError):
+                raise result
+            yield name, result
+        return
+    for name, arguments in tasks:
+        try:
+            yield name, function(*arguments)
+        except RecordingError as error:
+            yield name, error
+
+
 def analyse(
     paths: Iterable[Path],
     topics: Topics,
     arm: Arm = ARM,
     table: Mapping[Path, Mapping[str, str]] | None = None,
     folder: Path | None = None,
+    again: Replanner | None = None,
+    compute: Compute | None = None,
 ) -> Analysis:
-    """Bags are read one at a time; what stays of each is its row.
+    """What stays of each bag is its row, whichever process read it.
 
     table: what trials.csv says (`read_table`). folder: in which bags are named by their path, else by their own name.
+    again: see `trial_row`. compute: how many processes read; None: this one.
     """
 
     def name(path: Path) -> str:
         return path.relative_to(folder).as_posix() if folder and path.is_relative_to(folder) else path.name
 
-    rows, unused, left = [], [], dict(table or {})
-    for path in sorted(paths):
-        try:
-            rows.append(trial_row(path, topics, arm, left.pop(path, None), name(path)))
-        except RecordingError as error:
-            unused.append({"file": name(path), "reason": str(error)})
+    rows: list[dict[str, object]] = []
+    unused, left = [], dict(table or {})
+    tasks = [(name(path), (path, topics, arm, left.pop(path, None), name(path), again)) for path in sorted(paths)]
+    for bag, found in each_bag(trial_row, tasks, compute):
+        if isinstance(found, Exception):
+            unused.append({"file": bag, "reason": str(found)})
+        else:
+            rows.append(found)
     unused += [{"file": name(bag), "reason": f"{bag}: {TABLE} names it, but there is no such bag"} for bag in left]
     trials = pd.DataFrame(rows)
     if len(rows):
         trials = trials.sort_values([*TRIAL, "file"], ignore_index=True)
-        again = trials.duplicated(TRIAL)
-        for i in np.flatnonzero(again):
+        second_time = trials.duplicated(TRIAL)
+        for i in np.flatnonzero(second_time):
             first, second = trials["file"][i - 1], trials["file"][i]
             reason = f"{second}: the same trial as {first} ({', '.join(TRIAL)} agree)"
             unused.append({"file": second, "reason": reason})
-        trials = trials[~again].reset_index(drop=True)
-    found, measured = measure(trials) if len(rows) else (pd.DataFrame(), ())
-    return Analysis(trials, found, pd.DataFrame(unused, columns=["file", "reason"]), measured)
+        trials = trials[~second_time].reset_index(drop=True)
+    uncertainty, measured = measure(trials) if len(rows) else (pd.DataFrame(), ())
+    return Analysis(trials, uncertainty, pd.DataFrame(unused, columns=["file", "reason"]), measured)

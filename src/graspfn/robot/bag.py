@@ -32,8 +32,8 @@ MOST_STEPS = 20_000  # thousands of SQLite's instructions
 
 @dataclass
 class Bag:
-    """found: the messages of each wanted topic, in order of time. metadata: MCAP's records. flags: what is wrong with
-    it, though it could be read. jumps: where its clock goes back."""
+    """found: the messages of each wanted topic, in order of time. kinds: the type on every topic. metadata: MCAP's
+    records. flags: what is wrong with it, though it could be read. jumps: where its clock goes back."""
 
     path: Path
     found: dict[str, list[Raw]]
@@ -41,6 +41,7 @@ class Bag:
     flags: list[str]
     bounds: Bounds
     jumps: list[str] = field(default_factory=list)
+    kinds: dict[str, str] = field(default_factory=dict)
 
     def data(self, raw: Raw) -> bytes:
         """The bytes of a message."""
@@ -158,6 +159,7 @@ def _expanded(stream: IO[bytes], bounds: Bounds) -> Iterator[IO[bytes]]:
 def _mcap(stack: ExitStack, stream: IO[bytes], bag: Bag, lazy: frozenset[str]) -> Iterator[Raw]:
     file = McapFile(stream, frozenset(bag.found), lazy, bag.bounds)
     yield from file.messages()
+    bag.kinds |= {topic.name: topic.kind for topic in file.topics.values()}
     bag.metadata |= file.metadata
     bag.flags += file.flags
 
@@ -174,6 +176,7 @@ def _sqlite(stack: ExitStack, stream: IO[bytes], bag: Bag, lazy: frozenset[str])
     base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, 1 << 28)
     try:
         topics = dict(_sqlite_topics(base))
+        bag.kinds |= {topic.name: topic.kind for topic in topics.values()}
         for number, topic in topics.items():
             if topic.name not in bag.found:
                 continue

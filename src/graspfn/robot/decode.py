@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from graspfn.imaging.camera import Camera
 from graspfn.imaging.holes import holes
 from graspfn.robot.messages import MOST_MM
 from graspfn.robot.target import target_in_image
@@ -20,6 +21,11 @@ PIXELS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}  # mono16: how some driv
 LENSES = ("", "none", "plumb_bob", "rational_polynomial")  # others mean something else by the same numbers
 NEAREST_M, FARTHEST_M = 0.1, 3.0  # from a camera to the table that it looks at, and what stands on it
 MOST_PIXELS = 1 << 25
+
+
+def is_depth(image: Any) -> bool:
+    """Whether a sensor_msgs/Image or CompressedImage says that it holds depths."""
+    return "compressedDepth" in image.format if hasattr(image, "format") else image.encoding in PIXELS
 
 
 def depth(image: Any) -> np.ndarray:
@@ -75,7 +81,10 @@ def _compressed(image: Any) -> np.ndarray:
     encoding, _, how = image.format.partition(";")
     encoding, data = encoding.strip() or "16UC1", bytes(image.data)
     if "rvl" in how.lower():
-        raise RecordingError("depth compressed as RVL, which nothing here reads; it takes PNG, or raw images")
+        raise RecordingError(
+            "depth compressed as RVL, which no maintained library reads safely; it takes PNG "
+            "(compressedDepth.format: png), or raw images (ros2 run image_transport republish compressedDepth raw)"
+        )
     if "compressedDepth" not in how or encoding not in PIXELS:
         raise RecordingError(f"compressed image of format {image.format!r}; it takes '16UC1; compressedDepth png'")
     raw = _png(data[12:])
@@ -116,6 +125,13 @@ def camera_matrix(info: Any, shape: tuple[int, int]) -> np.ndarray:
     K[:2, 2] -= roi.x_offset, roi.y_offset
     K[:2] /= bins[:, None]
     return K
+
+
+def camera(info: Any, shape: tuple[int, int]) -> Camera:
+    """That of a sensor_msgs/CameraInfo, for its depth image of (height, width)."""
+    K = camera_matrix(info, shape)
+    height, width = shape
+    return Camera(width, height, (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), distortion(info))
 
 
 def distortion(info: Any) -> tuple[float, ...]:

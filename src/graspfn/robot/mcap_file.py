@@ -27,6 +27,7 @@ from graspfn.robot.trial import RecordingError
 MAGIC = b"\x89MCAP0\r\n"  # first and last bytes of a finished MCAP file
 ZSTD = b"\x28\xb5\x2f\xfd"  # of a zstd frame; CDR begins with a zero byte
 NO_CHECKSUMS = "no checksums: damage would not show"
+CUT = "cut short"
 PRIVATE = 0x80  # opcodes from here on are whoever's, and skipped
 
 
@@ -90,7 +91,8 @@ def expand(data: bytes, compression: str, size: int | None, bounds: Bounds) -> b
 class McapFile:
     """wanted: topics to read. lazy: those whose messages are left in the file until they are asked for.
 
-    After `messages` is exhausted, metadata holds the metadata records and flags what is wrong with the file.
+    After `messages` is exhausted, topics holds all of them by channel, metadata the metadata records, and flags what is
+    wrong with the file.
     """
 
     def __init__(self, stream: IO[bytes], wanted: frozenset[str], lazy: frozenset[str], bounds: Bounds):
@@ -99,7 +101,7 @@ class McapFile:
         self.metadata: dict[str, dict[str, str]] = {}
         self.flags: list[str] = []
         self._schemas: dict[int, Schema] = {}
-        self._topics: dict[int, Topic] = {}
+        self.topics: dict[int, Topic] = {}
         self._unchecked = self._ended = False
         self._count = 0
         if self._bytes(0, len(MAGIC)) != MAGIC:
@@ -147,7 +149,7 @@ class McapFile:
             raise RecordingError(f"damaged: the record at byte {offset} is longer than the file")
         if self._ended:
             return  # of what is left out nothing is needed
-        self.flags.append(f"cut short: read up to byte {offset} of {self._size}")
+        self.flags.append(f"{CUT}: read up to byte {offset} of {self._size}")
 
     def _text(self, body: int, length: int) -> bytes:
         if length > MOST_TEXT:
@@ -169,7 +171,7 @@ class McapFile:
             found = self._schemas.get(channel.schema_id)
             definition = found.data if found and found.encoding == "ros2msg" else b""
             topic = Topic(channel.topic, found.name if found else "no type", channel.message_encoding, definition)
-            if self._topics.setdefault(channel.id, topic) != topic:
+            if self.topics.setdefault(channel.id, topic) != topic:
                 raise RecordingError(f"damaged: two different channels with the id {channel.id}")
 
     def _chunk_data(self, body: int, length: int) -> tuple[bytes, int]:
@@ -218,7 +220,7 @@ class McapFile:
         if len(head) < 22:
             raise RecordingError("damaged: a message of fewer bytes than its times take")
         channel, _, time_ns = struct.unpack_from("<HIQ", head)
-        topic = self._topics.get(channel)
+        topic = self.topics.get(channel)
         if topic is None:
             raise RecordingError(f"damaged: a message on channel {channel}, which nothing before it describes")
         if topic.name not in self._wanted:

@@ -12,13 +12,25 @@ import numpy as np
 from graspfn.imaging.camera import Camera
 from graspfn.imaging.table import TableError, fit_table
 from graspfn.params import Arm, Table
+from graspfn.robot.mcap_file import Raw
 from graspfn.robot.target import DOWN, target_in_image
 from graspfn.robot.tf import NEAR_S, Frames, clock_offset_ns, rigid, stamp_ns
 from graspfn.robot.topics import Messages
-from graspfn.robot.trial import FRAME, RecordingError
+from graspfn.robot.trial import FRAME, RecordingError, TrialRecording
 
 # What a recorded image may be drawn over: any table that a camera from above sees.
 ANY_TABLE = Table(fit=True, max_tilt_deg=20, min_inliers=0.05, max_rms_mm=20, max_offset_mm=1e4)
+
+
+def camera_of(trial: TrialRecording) -> Camera:
+    """The camera of a recording, which does not say how high it stood: over the table that it sees."""
+    height, width = trial.depth.shape
+    K = trial.camera_matrix
+    camera = Camera(width, height, (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), trial.distortion)
+    try:
+        return camera.at(fit_table(trial.depth, camera, ANY_TABLE).T_world_camera)
+    except TableError:
+        return Camera.of_the_paper(width, height, float(K[0, 0]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +49,7 @@ class Places:
     def __init__(self, messages: Messages, arm: Arm, view: Callable[[], View]):
         self._messages, self._arm, self._view = messages, arm, view
         self._frames: dict[int, Frames] = {}
+        self._decoded: dict[int, Any] = {}  # of transforms, by the identity of their bytes: moments share most
 
     @cached_property
     def clock_offset_ns(self) -> int:
@@ -49,9 +62,14 @@ class Places:
             moving = [raw for raw in self._messages.raw("tf") if abs(raw.time_ns - logged) <= near]
             found = {"tf": moving, "tf_static": self._messages.raw("tf_static")}
             self._frames[stamp] = Frames(
-                *([(raw.time_ns, self._messages.decode(key, raw)) for raw in raws] for key, raws in found.items())
+                *([(raw.time_ns, self._transforms(key, raw)) for raw in raws] for key, raws in found.items())
             )
         return self._frames[stamp]
+
+    def _transforms(self, key: str, raw: Raw) -> Any:
+        if id(raw) not in self._decoded:
+            self._decoded[id(raw)] = self._messages.decode(key, raw)
+        return self._decoded[id(raw)]
 
     def stamp(self, logged_ns: int) -> int:
         """A moment of the recorder's clock by that of the transforms."""

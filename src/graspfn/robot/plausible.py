@@ -32,10 +32,13 @@ def reached(commanded: np.ndarray, achieved: np.ndarray, condition: Condition) -
     return found
 
 
-def order(commanded_ns: int | None, reached_ns: int, topic: str) -> list[str]:
-    if commanded_ns is None or reached_ns >= commanded_ns:
-        return []
-    return [f"topic {topic}: the pose reached comes {(commanded_ns - reached_ns) * 1e-9:.3g} s before the command"]
+def order(commanded_ns: int | None, reached_ns: int, verdict_ns: int | None, topic: str) -> list[str]:
+    """What is wrong with when the pose reached was logged; None: nothing says when that was."""
+    if commanded_ns is not None and reached_ns < commanded_ns:
+        return [f"topic {topic}: the pose reached comes {(commanded_ns - reached_ns) * 1e-9:.3g} s before the command"]
+    if verdict_ns is not None and reached_ns > verdict_ns:
+        return [f"topic {topic}: the pose reached comes {(reached_ns - verdict_ns) * 1e-9:.3g} s after the verdict"]
+    return []
 
 
 def clock_jumps(messages: Sequence[tuple[int, Any]], topic: str) -> list[str]:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from graspfn.imaging.camera import Camera
-from graspfn.params import Arm, Robot, Topics
+from graspfn.params import Arm, Topics
 from graspfn.robot import decode, plausible
 from graspfn.robot.bag import is_bag, open_bag, telling_damage
 from graspfn.robot.closing import closing_s
@@ -38,7 +38,6 @@ from graspfn.robot.trial import (
 )
 
 LIFT_SAMPLES = 60
-RECORDINGS = Path("data/recordings")  # of the simulated robot
 ARM = Arm("topic", FRAME, "up", "base_link", "gripper", "x", None, 1, None)  # whose poses are all in the frame `table`
 
 
@@ -128,8 +127,7 @@ class _Trial:
         with naming(self.topics.camera_info):
             info = self.decode("camera_info", self.last_before_plan("camera_info"))
             height, width = self.depth.shape
-            K = decode.camera_matrix(info, (height, width))
-            return Camera(width, height, (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), decode.distortion(info))
+            return decode.camera(info, (height, width))
 
     @property
     def places(self) -> Places:
@@ -178,8 +176,9 @@ class _Trial:
             return found[0].time_ns
         if not self.arm.finger_joints:
             raise RecordingError("nothing tells when the fingers close; arm.finger_joints or topics.gripper does")
+        fingers = self.fingers
         with naming(self.topics.joints):
-            seconds = closing_s(*self.fingers, self.arm.finger_sign)
+            seconds = closing_s(*fingers, self.arm.finger_sign)
         if seconds is None:
             raise NeverClosed(f"topic {self.topics.joints}: {', '.join(self.arm.finger_joints)} never closed")
         return self.zero_ns + round(seconds * 1e9)
@@ -232,7 +231,8 @@ class _Trial:
             if not earlier:
                 raise RecordingError(f"no message on topic {self.topics.achieved} before the fingers close")
             chosen = earlier[-1]
-        self.doubts += plausible.order(self.command_ns, chosen.time_ns, self.topics.achieved)
+        verdict_ns = self.raw("outcome")[-1].time_ns if self.raw("outcome") else None
+        self.doubts += plausible.order(self.command_ns, chosen.time_ns, verdict_ns, self.topics.achieved)
         with naming(self.topics.achieved):
             return self.places.pose(chosen.time_ns, self.decode("achieved", chosen))
 
@@ -246,23 +246,32 @@ class _Trial:
                 found.append(math.nan)
         return np.array(found)
 
-    def judged(self, success: bool) -> bool | None:
-        """From the fingers, and the lift between their closing and the verdict; a disagreement is flagged."""
+    def judged(self, success: bool) -> tuple[bool | None, str]:
+        """Whether fingers and lift say that it held, None where they do not tell, and why not; a disagreement with the
+        verdict is flagged."""
         outcomes = self.raw("outcome")
-        if not (self.planned and outcomes and self.arm.finger_joints):
-            return None
-        lift = None
-        if self.raw("tf"):
-            try:
-                low, high = self.heights([self.closing_ns, outcomes[-1].time_ns])
-                lift = None if math.isnan(high - low) else float(high - low)
-            except RecordingError:
-                pass  # they never closed: the fingers tell
-        judged, why = judge(self.fingers[1], self.arm, lift)
+        if not self.planned:
+            return None, "no grasp was found to try"
+        if not (outcomes and self.arm.finger_joints) or np.isfinite(self.fingers[1]).all(axis=1).sum() < 2:
+            return None, ""
+        judged, why = self._judged_at(outcomes[-1].time_ns)
         if judged is not None and judged != success:
             seen = "the fingers hold something up" if judged else why
             self.flags.append(f"the verdict is {'held' if success else 'failed'}, but {seen}")
-        return judged
+        return judged, why
+
+    def _judged_at(self, verdict_ns: int) -> tuple[bool | None, str]:
+        lift = math.nan
+        try:
+            closing_ns = self.closing_ns
+            if self.raw("tf"):
+                low, high = self.heights([closing_ns, verdict_ns])
+                lift = float(high - low)
+        except NeverClosed:
+            return False, "the fingers never closed"
+        except RecordingError:
+            pass  # nothing tells when they closed
+        return judge(self.fingers[1], self.arm, None if math.isnan(lift) else lift)
 
     def lift(self) -> tuple[np.ndarray, np.ndarray]:
         """Times [s] since the command and heights [m] of the gripper, as far as TF has them."""
@@ -282,11 +291,12 @@ class _Trial:
             raise RecordingError(f"topic {self.topics.outcome}: the verdict comes before the commanded pose")
         commanded, achieved = self.commanded, self.achieved
         names, time_s, positions = self.joints
-        if self.arm.finger_joints and success and self.arm.finger_shut is not None:
+        # That of a simulated robot is no press of a button: it may hold what is as thin as a sheet of paper.
+        if self.arm.finger_joints and success and self.arm.finger_shut is not None and not condition.simulated:
             plausible.check_fingers(self.fingers[1], self.arm)
         if commanded is not None and achieved is not None:
             self.doubts += plausible.reached(commanded, achieved, condition)
-        judged = self.judged(success)
+        judged, why = self.judged(success)
         lift_time_s, lift_m = self.lift() if detail else (np.zeros(0), np.zeros(0))
         return TrialRecording(
             condition=condition,
@@ -302,6 +312,7 @@ class _Trial:
             flags=tuple(self.flags),
             doubts=tuple(dict.fromkeys(self.doubts)),
             judged=judged,
+            why=why,
             lift_time_s=lift_time_s,
             lift_m=lift_m,
         )
@@ -343,8 +354,3 @@ def recordings(folder: Path) -> list[Path]:
     if not found:
         raise RecordingError(f"{folder}: no .mcap files; robot.folder takes a directory of bags, {TABLE} beside them")
     return found
-
-
-def source_of(robot: Robot, arm: Arm) -> tuple[Path, Arm]:
-    """Where the bags lie, those of the user where they are, and how they tell where the gripper was."""
-    return (Path(robot.folder), arm) if robot.source == "folder" else (RECORDINGS, ARM)

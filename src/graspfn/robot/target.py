@@ -1,27 +1,14 @@
-"""From a pose in the image to one in the robot's frame, and back (paper III)."""
+"""From a gripper over the table back to a pose in the image: the inverse of `planning.target` (paper III)."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from graspfn.geometry.transforms import T_world_grasp
 from graspfn.robot.trial import RecordingError
 
 REACH_M = 5.0  # farther from the image centre no arm over the table reaches: another unit
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 DOWN = np.diag([1.0, -1.0, -1.0, 1.0])  # a table frame whose z points into the table: x along +u, y along +v
-
-
-def T_robot_target(
-    T_robot_gripper: np.ndarray, T_gripper_camera: np.ndarray, T_camera_table: np.ndarray, q: np.ndarray
-) -> np.ndarray:
-    """(4, 4) the target q (u [m], v [m], theta [rad]) of an image in the robot's frame: T_RP = T_RG T_GC T_CI p.
-
-    T_robot_gripper: where the gripper was when the image was taken. T_camera_table: the inverse of
-    `imaging.camera.Camera.T_world_camera`. A camera beside the arm has no gripper in between: T_robot_camera then
-    takes the place of the first two, with the identity for the other.
-    """
-    return T_robot_gripper @ T_gripper_camera @ T_camera_table @ T_world_grasp(q)
 
 
 def target_in_image(T_table_gripper: np.ndarray, closing_axis: str = "x") -> np.ndarray:

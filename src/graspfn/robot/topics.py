@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -46,21 +46,17 @@ def naming(topic: str) -> Iterator[None]:
         raise RecordingError(f"topic {topic}: {error}") from None
 
 
-class Messages:
-    """Those of one bag."""
+class Decoder:
+    """Of the messages of one bag."""
 
-    def __init__(self, bag: Bag, topics: Topics):
-        self.bag, self.topics = bag, topics
+    def __init__(self, bag: Bag):
+        self.bag = bag
         self._factory = DecoderFactory()
         self._schemas: dict[Any, Schema] = {}
 
-    def raw(self, key: str) -> list[Raw]:
-        topic = getattr(self.topics, key)
-        return [] if topic is None else self.bag.found[topic]
-
-    def decode(self, key: str, raw: Raw) -> Any:
-        """A message as its fields."""
-        topic, kinds = raw.topic, KINDS[key]
+    def fields(self, raw: Raw, kinds: Sequence[str]) -> Any:
+        """A message of one of these types as its fields."""
+        topic = raw.topic
         if topic.kind not in kinds:
             raise RecordingError(f"topic {topic.name} carries {topic.kind}; it takes {' or '.join(kinds)}")
         if topic.encoding != "cdr":
@@ -71,6 +67,21 @@ class Messages:
         decoder = self._factory.decoder_for("cdr", schema)
         assert decoder is not None
         return decoder(self.bag.data(raw))
+
+
+class Messages:
+    """Those of one bag."""
+
+    def __init__(self, bag: Bag, topics: Topics):
+        self.bag, self.topics, self._decoder = bag, topics, Decoder(bag)
+
+    def raw(self, key: str) -> list[Raw]:
+        topic = getattr(self.topics, key)
+        return [] if topic is None else self.bag.found[topic]
+
+    def decode(self, key: str, raw: Raw) -> Any:
+        """A message as its fields."""
+        return self._decoder.fields(raw, KINDS[key])
 
     def thinned(self, key: str) -> Iterator[Raw]:
         """Of each publisher on a topic no more than one message in THIN_NS: some publish every millisecond."""

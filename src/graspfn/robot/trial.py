@@ -144,8 +144,9 @@ class TrialRecording:
     achieved is None too where the arm was stopped before its fingers closed.
     joint_time_s: (T,) since the command; joint_positions: (T, len(joint_names)), metres or radians.
     success: the object was off the table and in the gripper at the top.
-    judged: the same from fingers and lift (`judged.judge`), None where they do not tell. lift_m: (L,) height of the
-    gripper above the table at lift_time_s (L,) since the command; empty where it was not asked for, or TF lacks.
+    judged: the same from fingers and lift (`judged.judge`), None where they do not tell; why: they say that it failed.
+    lift_m: (L,) height of the gripper above the table at lift_time_s (L,) since the command; empty where it was not
+    asked for, or TF lacks.
     flags: what is odd about the recording, a line each. doubts: what is wrong with `achieved`, so that it measures
     nothing.
     """
@@ -163,5 +164,6 @@ class TrialRecording:
     flags: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     judged: bool | None = None
+    why: str = ""
     lift_time_s: np.ndarray = field(default_factory=lambda: np.zeros(0))
     lift_m: np.ndarray = field(default_factory=lambda: np.zeros(0))

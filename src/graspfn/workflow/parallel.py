@@ -30,7 +30,7 @@ def map_objects(
     tasks: Iterable[Task],
     total: int,
     compute: Compute,
-    label: str,
+    label: str | None,
     hold: Callable[[int], bool] = lambda workers: False,
     parts: int = 1,
     attempts: Callable[[Any], int] | None = None,
@@ -40,13 +40,16 @@ def map_objects(
     Results may not depend on the worker or the order. A task gives an error if three processes died of it: once among
     others, and then twice alone, in processes that did nothing else, so that it was neither an earlier task's doing
     nor for want of memory that others used. ClusterError, if there is nowhere to run tasks.
-    `hold` says, of the number of workers, whether no further task may start yet. The progress bar counts objects, of
-    `parts` tasks each, and shows how many attempts a second there were where `attempts` tells them from a result.
+    `hold` says, of the number of workers, whether no further task may start yet. The progress bar, for which a label of
+    None stands for none, counts objects, of `parts` tasks each, and shows how many attempts a second there were where
+    `attempts` tells them from a result.
     """
     if total == 0:
         return
     # A bar of whole objects counts them as they are; thirds of objects would show all their digits.
-    progress = tqdm(total=total / parts, desc=label, unit="object", smoothing=0.1, unit_scale=parts > 1)
+    progress = tqdm(
+        total=total / parts, desc=label, disable=label is None, unit="object", smoothing=0.1, unit_scale=parts > 1
+    )
     with closing(pool(compute)) as workers, progress as bar:
         waiting = iter(tasks)
         running: dict[Future[bytes], tuple[str, bytes, int]] = {}  # name, task, and the processes that died of it
@@ -103,7 +106,7 @@ def map_in_order(
     tasks: Iterable[Task],
     total: int,
     compute: Compute,
-    label: str,
+    label: str | None,
 ) -> Iterator[tuple[str, Any | Exception]]:
     """As map_objects, in the order of the tasks. Whoever has enough may stop asking; `total` is for the bar alone."""
     order: deque[str] = deque()
