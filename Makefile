@@ -30,6 +30,7 @@ test: setup
 bench: setup
 	graspfn check
 	python benchmarks/height_map.py
+	OPENBLAS_NUM_THREADS=1 python benchmarks/speed.py
 	python benchmarks/run.py
 	python benchmarks/feeding.py
 
