@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -21,6 +22,7 @@ def serve(
 
     For example: graspfn serve --model models/fcn; then http://127.0.0.1:8765/docs
     """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # requests are planned side by side
     try:
         from graspfn.commands import planned, served  # what plans is slow to import
 
