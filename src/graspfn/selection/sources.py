@@ -18,7 +18,7 @@ from graspfn.selection.union import Union
 
 
 def _open_objects() -> Union:
-    """All that needs no licence click, and generated objects after them."""
+    """All that needs no licence click, by turns with generated objects."""
     return Union("open_objects", [Packaged(RGB_OBJECTS), Packaged(RANDOM_URDFS), Packaged(YCB)], Procedural())
 
 
