@@ -12,7 +12,7 @@ from graspfn.workflow.stage import stage, timings
 @stage("report")
 def main(params: Declared) -> None:
     keep_only(Path("data/pretrained"), [f"{name}-{seed}" for name in params.networks for seed in params.training_seeds])
-    write_report(load_inputs(Path("data"), params, timings()), Path("reports"))
+    write_report(load_inputs(Path("data"), params, timings()), Path("reports") / params.scale)
 
 
 if __name__ == "__main__":

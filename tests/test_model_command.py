@@ -40,9 +40,9 @@ def run(tmp_path, monkeypatch) -> Path:
     save_network(tmp_path / "data/networks/fcn-0", build_network(PARAMS.network["fcn"]), PARAMS.network["fcn"])
     Path("data/functions").mkdir()
     Path("data/functions/fcn-0.npz").write_text("functions")
-    Path("reports").mkdir()
+    Path("reports/desktop").mkdir(parents=True)
     table = {"objects": 84, "centroid": SUCCESS, "fcn": METHODS}
-    Path("reports/metrics.json").write_text(json.dumps({"table1": {"all": table}}))
+    Path("reports/desktop/metrics.json").write_text(json.dumps({"table1": {"all": table}}))
     values = json.loads(json.dumps(dataclasses.asdict(PARAMS)))
 
     def stage(params="", outs=(), deps=()):
@@ -61,7 +61,7 @@ def run(tmp_path, monkeypatch) -> Path:
         "train@fcn-0": stage("camera noise train", outs=[weights]),
         "predict@fcn-0": stage("table", outs=["data/functions/fcn-0.npz"], deps=["data/networks/fcn-0"]),
         "evaluate": stage("plan", deps=["data/functions"]),
-        "report": stage("scale", outs=["reports/metrics.json"]),
+        "report": stage("scale", outs=["reports/desktop/metrics.json"]),
     }
     Path("dvc.lock").write_text(yaml.safe_dump({"stages": stages}))
     return tmp_path
@@ -102,7 +102,7 @@ def test_what_params_say_now_does_not_matter_but_what_was_run(run):
 
 
 @pytest.mark.parametrize(
-    "edited", ["reports/metrics.json", "data/functions/fcn-0.npz", "data/networks/fcn-0/config.json"]
+    "edited", ["reports/desktop/metrics.json", "data/functions/fcn-0.npz", "data/networks/fcn-0/config.json"]
 )
 def test_metrics_of_another_run_are_left_out(run, edited):
     if edited == "data/functions/fcn-0.npz":  # what evaluate read was another

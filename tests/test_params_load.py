@@ -194,8 +194,8 @@ def with_folder(project, key, folder):
         ("data/networks/fcn", "data/networks"),
         ("data/networks/mine", "data/networks"),
         ("data/functions", "data/functions"),
-        ("reports", "reports/table1.csv"),
-        ("reports/figures/mine", "reports/figures"),
+        ("reports", "reports/desktop/table1.csv"),
+        ("reports/desktop/figures/mine", "reports/desktop/figures"),
         ("kinds", "kinds/metric.json"),
         ("kinds/plot.csv", "kinds/plot.csv"),
         ("by-desktop/procedural/x", "by-desktop/procedural"),
@@ -259,3 +259,9 @@ def test_file_that_is_absent_or_not_yaml_is_named(root):
     (root / "params.yaml").unlink()
     with pytest.raises(ParameterError, match=r"params\.yaml: no such file$"):
         load("settle", root=root)
+
+
+@pytest.mark.parametrize("scale", ["..", ".", "a/b", "mine ", "a\\b"])
+def test_a_scale_names_a_folder_of_reports(scale):
+    with pytest.raises(ParameterError, match=r"^scale: .* names a folder of reports; it takes letters, digits"):
+        validate(changed(("scale",), scale))

@@ -289,7 +289,9 @@ def test_csv_reads_back(report):
     series = pd.read_csv(report[0] / "success_vs_sigma_uv.csv")
     assert series["sigma_uv_mm"].tolist() == [5, 20] and series["best_grasp"].tolist() == [1, 0]
     dvc = yaml.safe_load((ROOT / "dvc.yaml").read_text())
-    (plotted,) = (plot["y"]["reports/success_vs_sigma_uv.csv"] for part in dvc["plots"] for plot in part.values())
+    (plotted,) = (
+        plot["y"]["reports/${scale}/success_vs_sigma_uv.csv"] for part in dvc["plots"] for plot in part.values()
+    )
     assert ["sigma_uv_mm", *plotted] == list(series)
 
 

@@ -393,7 +393,7 @@ class Params:
     """params.yaml, whole."""
 
     seed: Annotated[int, Key("seed of every random draw", at_least=0)]
-    scale: Annotated[str, Key("name of the scale, for reports")]
+    scale: Annotated[str, Key("name of the scale and of its folder in reports")]
     meshes: Meshes
     camera: Camera
     table: Table
@@ -486,6 +486,8 @@ def build(cls: type[T], values: Any, key: str = "") -> T:
 def validate(values: Any) -> Params:
     """The whole of params.yaml, checked key by key and then for keys that must agree."""
     params = build(Params, values)
+    if not re.fullmatch(r"[\w.-]*\w", params.scale):
+        raise ParameterError(f"scale: {params.scale!r} names a folder of reports; it takes letters, digits, -, _ and .")
     for name in params.networks:
         if name not in params.network:
             raise ParameterError(f"networks: {name!r} is not a key of `network` ({', '.join(params.network)})")

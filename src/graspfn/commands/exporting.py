@@ -24,7 +24,7 @@ from graspfn.workflow.files import atomic
 
 WEIGHTS, CONFIG, CARD = "weights.safetensors", "config.json", "README.md"  # beside network.onnx
 NETWORKS, FUNCTIONS, TRIALS = Path("data/networks"), Path("data/functions"), "data/trials.parquet"
-METRICS, LOCK = Path("reports/metrics.json"), Path("dvc.lock")
+LOCK = Path("dvc.lock")
 LICENCE, OURS = "MIT", "procedural"  # the code's own, and the meshes that it makes
 PACKAGES = ("graspfn", "torch", "numpy", "dartpy")
 
@@ -33,7 +33,7 @@ def export_model(out: Path, run: str | None, licence: str | None) -> str:
     """Writes the folder `out`; returns what there is to say of it. InputError names the file that is missing."""
     try:
         lock = read_yaml(LOCK)["stages"]
-        run = run or _default_run()
+        run = run or _default_run(lock)
         folder = NETWORKS / run
         ran = _ran(lock, run)
         if _md5(folder / WEIGHTS) != ran["md5"]:
@@ -60,27 +60,34 @@ def export_model(out: Path, run: str | None, licence: str | None) -> str:
         raise
     except ValueError as error:  # ParameterError, WeightsError, ModelError
         raise InputError(str(error)) from None
-    told = "" if config["metrics"] else f"; without metrics: {METRICS} is missing, or of another run"
+    told = "" if config["metrics"] else f"; without metrics: {_metrics_file(lock)} is missing, or of another run"
     return f"{out}: a model of {run}{told}"
 
 
-def _default_run() -> str:
+def _default_run(lock: dict[str, Any]) -> str:
     """Of the networks that take any camera (else of all) the one that the report has as best, or the first."""
-    params = read_yaml(Path("params.yaml"))
+    params, every = read_yaml(Path("params.yaml")), _table(lock)
     try:
         networks: list[str] = params["networks"]
         networks = [name for name in networks if params["network"][name].get("input") == "height_map"] or networks
-        success = {name: _table()[name]["robust_best_grasp"]["mean_success"] for name in networks if name in _table()}
+        success = {name: every[name]["robust_best_grasp"]["mean_success"] for name in networks if name in every}
         return f"{max(networks, key=lambda name: success.get(name, 0.0))}-{params['training_seeds'][0]}"
     except (KeyError, IndexError, TypeError):
         raise ParameterError("params.yaml: takes networks, network and training_seeds") from None
 
 
-def _table() -> dict[str, Any]:
+def _metrics_file(lock: dict[str, Any]) -> Path:
+    """That the report stage wrote, in the folder of its scale."""
+    wrote = [Path(path) for path in _files(lock, "report", "outs")]
+    return next((path for path in wrote if path.name == "metrics.json"), Path("reports/metrics.json"))
+
+
+def _table(lock: dict[str, Any]) -> dict[str, Any]:
     """Of metrics.json what it says of all test objects; nothing where there is none."""
-    if not METRICS.is_file():
+    path = _metrics_file(lock)
+    if not path.is_file():
         return {}
-    every: dict[str, Any] = json.loads(METRICS.read_text(encoding="utf-8"))["table1"]["all"]
+    every: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["table1"]["all"]
     return every
 
 
@@ -106,8 +113,9 @@ def _files(lock: dict[str, Any], stage: str, kind: str) -> dict[str, str]:
 
 
 def _reported(lock: dict[str, Any], run: str) -> bool:
-    """Whether reports/metrics.json is about this network: every stage on the way read what the one before wrote."""
-    if not METRICS.is_file() or _files(lock, "report", "outs").get(str(METRICS)) != _md5(METRICS):
+    """Whether the report is about this network: every stage on the way read what the one before wrote."""
+    metrics = _metrics_file(lock)
+    if not metrics.is_file() or _files(lock, "report", "outs").get(str(metrics)) != _md5(metrics):
         return False
     network = {path.name: _md5(path) for path in (NETWORKS / run).iterdir()}
     predicts = [stage for stage in lock if stage.startswith("predict@")]
@@ -130,7 +138,7 @@ def _metrics(lock: dict[str, Any], run: str) -> dict[str, Any] | None:
     """Success on the test objects, where the report is of this run."""
     if not _reported(lock, run):
         return None
-    every, name = _table(), run.rpartition("-")[0]
+    every, name = _table(lock), run.rpartition("-")[0]
     if name not in every:
         return None
     methods = {"robust": every[name]["robust_best_grasp"], "best": every[name]["best_grasp"]}

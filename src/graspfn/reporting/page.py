@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import base64
-import importlib.metadata
-import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -24,26 +22,11 @@ from graspfn.reporting.inputs import ReportInputs
 from graspfn.reporting.metrics import final_loss, slug
 from graspfn.reporting.plans import ALL, GRASPABLE, block_to_show, graspable_objects
 from graspfn.reporting.provenance import kinds_of_rejects, provenance
+from graspfn.reporting.run_record import versions
 from graspfn.reporting.sizes import reasons
 from graspfn.reporting.summary import gain, interval, trained
 from graspfn.reporting.tables import who_recorded
 
-PACKAGES = (
-    "dartpy",
-    "torch",
-    "numpy",
-    "scipy",
-    "pandas",
-    "trimesh",
-    "embreex",
-    "manifold3d",
-    "matplotlib",
-    "distributed",
-    "mcap",
-    "mcap-ros2-support",
-    "safetensors",
-    "dvc",
-)
 DASH = layout.BLANK
 
 
@@ -201,17 +184,6 @@ def uncertainty(inputs: ReportInputs) -> tuple[list[Markup], list[list[str]]]:
     return [Markup(heading) for heading in headings], rows
 
 
-def versions() -> list[tuple[str, str]]:
-    """(package, version) of what results depend on."""
-    found = [("Python", platform.python_version())]
-    for package in PACKAGES:
-        try:
-            found.append((package, importlib.metadata.version(package)))
-        except importlib.metadata.PackageNotFoundError:
-            found.append((package, DASH))
-    return found
-
-
 def render_page(
     inputs: ReportInputs,
     numbers: Mapping[str, Any],
@@ -240,7 +212,7 @@ def render_page(
         rejects=kinds_of_rejects(inputs.rejects),
         counts=counts(inputs),
         durations=durations(inputs),
-        versions=versions(),
+        versions=[(package, version or DASH) for package, version in versions()],
         parameters=inputs.parameters,
         recorded=who_recorded(inputs.robot_trials),
         objects=int((inputs.account["status"] == "labelled").sum()),

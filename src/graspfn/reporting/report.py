@@ -16,6 +16,7 @@ from graspfn.reporting.inputs import ReportInputs
 from graspfn.reporting.metrics import metrics
 from graspfn.reporting.page import Picture, render_page
 from graspfn.reporting.robustness import caption_robustness, layout_robustness, robustness_table
+from graspfn.reporting.run_record import run_record
 
 
 def _to_csv(table: pd.DataFrame, path: Path) -> None:
@@ -67,9 +68,10 @@ def write_failed(inputs: ReportInputs, folder: Path) -> list[Picture]:
 
 
 def write_report(inputs: ReportInputs, folder: Path) -> None:
-    """Write tables, figures/*.{png,pdf}, metrics.json and index.html into `folder`.
+    """Write tables, figures/*.{png,pdf}, metrics.json, provenance.json and index.html into `folder`.
 
-    Equal inputs give equal bytes. Figures of an earlier report are removed.
+    Equal inputs give equal bytes, but for provenance.json and the page, which tell of the machine and its hours.
+    Figures of an earlier report are removed.
     """
     tables1 = tables.Tables1.of(inputs.plans, inputs.graspable)
     robustness = robustness_table(inputs.disturbed)
@@ -80,4 +82,6 @@ def write_report(inputs: ReportInputs, folder: Path) -> None:
     pictures += write_failed(inputs, folder / "figures")
     numbers = metrics(inputs, tables1)
     (folder / "metrics.json").write_text(json.dumps(numbers, indent=2) + "\n")
+    record = run_record(inputs.params, inputs.stage_seconds)
+    (folder / "provenance.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
     (folder / "index.html").write_text(render_page(inputs, numbers, layouts, pictures), encoding="utf-8")
