@@ -33,6 +33,7 @@ from typer.testing import CliRunner
 from graspfn.cli import app
 from graspfn.commands import depth_pixels, served
 from graspfn.imaging.camera import straight_down
+from graspfn.planning.model import DEFAULT
 from graspfn.planning.planner import GraspPlanner
 from graspfn.robot import messages
 
@@ -391,9 +392,16 @@ def test_the_ros_node_of_the_documentation_gets_the_same_answer(port, monkeypatc
 
 
 def test_without_a_model_there_is_nothing_to_serve():
-    for options, says in (([], "--model: missing"), (["--model", "nothing"], "--model nothing: nothing/config.json")):
-        result = CliRunner().invoke(app, ["serve", *options])
-        assert result.exit_code == 2 and result.stderr.startswith(says) and result.stderr.count("\n") == 1
+    result = CliRunner().invoke(app, ["serve", "--model", "nothing"])
+    assert result.exit_code == 2 and result.stderr.count("\n") == 1
+    assert result.stderr.startswith("--model nothing: nothing/config.json")
+
+
+def test_the_model_that_comes_along_is_served_unless_another_is_asked_for(monkeypatch):
+    seen = []
+    monkeypatch.setattr(served, "run", lambda model, host, port: seen.append((model[0], host, port)))
+    assert CliRunner().invoke(app, ["serve"]).exit_code == 0
+    assert seen == [(Path(DEFAULT.name), "127.0.0.1", 8765)]
 
 
 def test_where_the_extra_is_not_installed_the_line_says_which(monkeypatch):
