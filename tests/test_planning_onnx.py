@@ -71,7 +71,7 @@ def test_the_same_weights_are_the_same_bytes_and_name_no_file(params, tmp_path):
 
 
 def test_the_default_models_two_networks_are_one(views):
-    inputs = network_input(views[0], CAMERA, "height_map", PARAMS.table)
+    inputs = look(views[0], CAMERA, "height_map", PARAMS.table).inputs
     expected, _ = OneByOne(load_network(DEFAULT))(inputs)
     np.testing.assert_allclose(GraspPlanner.load().predict(inputs)[0], expected, atol=1e-4)
 
