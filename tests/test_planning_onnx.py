@@ -14,7 +14,7 @@ from made_models import save_model
 from physics_params import PARAMS
 from test_planning_planner import CAMERA, placed, seen
 
-from graspfn.imaging.network_input import network_input
+from graspfn.imaging.sight import look
 from graspfn.learning.networks import build_network
 from graspfn.learning.onnx_file import write_onnx
 from graspfn.learning.prediction import OneByOne
@@ -40,7 +40,7 @@ def test_onnx_is_what_torch_says_with_any_number_of_threads(params, views, tmp_p
     of_torch = OneByOne(network)
     of_onnx = [GraspPlanner.load(tmp_path, threads=threads).predict for threads in (1, 1, 2, 5)]
     for view in views:
-        inputs = network_input(view, CAMERA, params.input, PARAMS.table)
+        inputs = look(view, CAMERA, params.input, PARAMS.table).inputs
         expected, expected_likeliest = of_torch(inputs)
         found = [predict(inputs) for predict in of_onnx]
         for scores, likeliest in found:
@@ -54,7 +54,7 @@ def test_onnx_is_what_torch_says_with_any_number_of_threads(params, views, tmp_p
 
 def test_threads_that_call_a_network_at_once_get_what_one_gets(views):
     predict = GraspPlanner.load(threads=2).predict
-    inputs = [network_input(view, CAMERA, "height_map", PARAMS.table) for view in views] * 8
+    inputs = [look(view, CAMERA, "height_map", PARAMS.table).inputs for view in views] * 8
     alone = [predict(one)[0] for one in inputs[:3]] * 8
     with ThreadPoolExecutor(4) as threads:
         for found, expected in zip(threads.map(predict, inputs), alone, strict=True):
@@ -71,7 +71,7 @@ def test_the_same_weights_are_the_same_bytes_and_name_no_file(params, tmp_path):
 
 
 def test_the_default_models_two_networks_are_one(views):
-    inputs = network_input(views[0], CAMERA, "height_map", PARAMS.table)
+    inputs = look(views[0], CAMERA, "height_map", PARAMS.table).inputs
     expected, _ = OneByOne(load_network(DEFAULT))(inputs)
     np.testing.assert_allclose(GraspPlanner.load().predict(inputs)[0], expected, atol=1e-4)
 
