@@ -242,7 +242,7 @@ class Augment:
 class Network:
     """One architecture and how it is optimised."""
 
-    architecture: Annotated[str, Key("network architecture", one_of=("alexnet", "fcn"))]
+    architecture: Annotated[str, Key("network architecture", one_of=("alexnet", "fcn", "turned"))]
     width: Annotated[int, Key("channels of the first convolution; deeper ones scale with it", at_least=1)]
     learning_rate: Annotated[float, Key("peak learning rate of AdamW", above=0)]
     weight_decay: Annotated[float, Key("weight decay of AdamW", at_least=0)]

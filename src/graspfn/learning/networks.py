@@ -9,11 +9,17 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from graspfn.geometry.grid import SHAPE
+from graspfn.geometry.grid import CELL_RAD, SHAPE
 from graspfn.learning.targets import CLASSES
 from graspfn.params import AlexNet as AlexNetParams
 from graspfn.params import Network
 from graspfn.seeds import seed_of
+
+N_V, N_U, N_THETA = SHAPE
+FINER = 4  # pixels of the input to a cell of Q
+SIDE = 128  # px of a turned input: 32 cm, the diagonal of the largest object and some table around
+LOW = 0.05  # height in the input's units that counts as the object, 5 mm
+BEYOND = 0.02  # share of the object's pixels that may lie beyond each end
 
 
 class GraspNetwork(nn.Module):
@@ -95,7 +101,7 @@ class FCN(GraspNetwork):
     each way) before the detail comes back through the skips.
     """
 
-    def __init__(self, channels: int, width: int):
+    def __init__(self, channels: int, width: int, angles: int = SHAPE[2]):
         super().__init__()
         self.stem = nn.Sequential(_block(channels, width, 5, stride=2), _block(width, 2 * width, 3, stride=2))
         self.level0 = _block(2 * width, 2 * width)  # 33 x 44
@@ -105,7 +111,7 @@ class FCN(GraspNetwork):
         )
         self.up1 = _block(12 * width, 4 * width)
         self.up0 = nn.Sequential(_block(6 * width, 4 * width), _block(4 * width, 4 * width))
-        self.output = nn.Conv2d(4 * width, SHAPE[2] * CLASSES, 1)
+        self.output = nn.Conv2d(4 * width, angles * CLASSES, 1)
         self.n_features = 8 * width
 
     def _map(self, x: torch.Tensor) -> torch.Tensor:
@@ -122,11 +128,86 @@ class FCN(GraspNetwork):
 
     def prior_bias(self) -> torch.Tensor:
         assert self.output.bias is not None
-        return self.output.bias.view(SHAPE[2], CLASSES)
+        return self.output.bias.view(-1, CLASSES)
+
+    def maps(self, x: torch.Tensor) -> torch.Tensor:
+        """(B, channels, 4 h, 4 w) -> logits (B, angles * 6, h, w)."""
+        return self.output(self._map(x))
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        logits = self.output(self._map(x))
+        logits = self.maps(x)
         return logits.view(-1, SHAPE[2], CLASSES, *SHAPE[:2]).permute(0, 3, 4, 1, 2)
+
+
+class TurnedFCN(GraspNetwork):
+    """One angle is learned, and the input is turned to each of the six. channels: of a height map, heights first.
+
+    A gripper does not care how an object is turned on the table: when it turns by 30 degrees, so does its grasp
+    function, and moves on by one angle. Networks that learn each angle by itself have to find that out from samples.
+
+    The input is turned about the middle of the object, cut out there, given to an FCN of a single angle, whose output
+    is turned back. Poses beyond what was cut out get logits of their own, which are learned: nothing is there to hold.
+    """
+
+    cos: torch.Tensor
+    sin: torch.Tensor
+
+    def __init__(self, channels: int, width: int):
+        super().__init__()
+        self.one = FCN(channels, width, angles=1)
+        self.beyond = nn.Parameter(torch.zeros(CLASSES))
+        self.n_features = self.one.n_features
+        theta = torch.arange(N_THETA) * CELL_RAD
+        self.register_buffer("cos", theta.cos(), persistent=False)
+        self.register_buffer("sin", theta.sin(), persistent=False)
+
+    def prior_bias(self) -> torch.Tensor:
+        return self.one.prior_bias()
+
+    def features(self, x: torch.Tensor) -> torch.Tensor:
+        return self.one.features(self._turned(x, middle(x))).view(-1, N_THETA, self.n_features).mean(dim=1)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        at = middle(x)
+        return self._turned_back(self.one.maps(self._turned(x, at)), at)
+
+    def _turned(self, x: torch.Tensor, at: torch.Tensor) -> torch.Tensor:
+        """(6 B, channels, SIDE, SIDE): columns along the closing direction of each angle, 0 where nothing was seen."""
+        along = torch.arange(SIDE, device=x.device, dtype=x.dtype) - (SIDE - 1) / 2
+        c, s = self.cos.view(-1, 1, 1), self.sin.view(-1, 1, 1)
+        u = at[:, 0].view(-1, 1, 1, 1) + c * along[None, :] - s * along[:, None]
+        v = at[:, 1].view(-1, 1, 1, 1) + s * along[None, :] + c * along[:, None]
+        places = torch.stack([u * (2 / x.shape[3]), v * (2 / x.shape[2])], dim=-1).view(-1, SIDE, SIDE, 2)
+        each = x[:, None].expand(-1, N_THETA, -1, -1, -1).reshape(-1, *x.shape[1:])
+        return functional.grid_sample(each, places, align_corners=False)
+
+    def _turned_back(self, logits: torch.Tensor, at: torch.Tensor) -> torch.Tensor:
+        """(6 B, 6, SIDE / 4, SIDE / 4) -> (B, 33, 44, 6, 6)."""
+        u, v = (torch.arange(n, device=at.device, dtype=at.dtype) - (n - 1) / 2 for n in (N_U, N_V))
+        u = (u - at[:, :1] / FINER).view(-1, 1, 1, N_U)
+        v = (v - at[:, 1:] / FINER).view(-1, 1, N_V, 1)
+        c, s = self.cos.view(-1, 1, 1), self.sin.view(-1, 1, 1)
+        places = torch.stack([c * u + s * v, c * v - s * u], dim=-1).view(-1, N_V, N_U, 2) * (2 * FINER / SIDE)
+        beyond = (self.prior_bias() + self.beyond).view(1, CLASSES, 1, 1)
+        back = functional.grid_sample(logits - beyond, places, align_corners=False) + beyond
+        return back.view(-1, N_THETA, CLASSES, N_V, N_U).permute(0, 3, 4, 1, 2)
+
+
+def middle(x: torch.Tensor) -> torch.Tensor:
+    """(B, 2) of the object along u and v, px from the input's centre: between its outermost pixels, but for a few.
+
+    x: (B, channels, 132, 176), heights first. The centre itself where there is no object.
+    """
+    object_ = (x[:, 0] > LOW).to(x.dtype)
+    ends = []
+    for across in (1, 2):
+        count = object_.sum(dim=across).cumsum(dim=1)
+        total = count[:, -1:]
+        low = (count <= BEYOND * total).to(x.dtype).sum(dim=1)
+        high = (count < (1 - BEYOND) * total).to(x.dtype).sum(dim=1)
+        found = (low + high) / 2 - (count.shape[1] - 1) / 2
+        ends.append(torch.where(total[:, 0] > 0, found, torch.zeros_like(found)))
+    return torch.stack(ends, dim=1)
 
 
 class Classifier(nn.Module):
@@ -147,4 +228,6 @@ def build_network(params: Network, seed: int = 0) -> GraspNetwork:
         torch.manual_seed(seed_of(seed, "weights", params.architecture))
         if isinstance(params, AlexNetParams):
             return AlexNet(params.channels, params.width, params.hidden, params.dropout)
+        if params.architecture == "turned":
+            return TurnedFCN(params.channels, params.width)
         return FCN(params.channels, params.width)
