@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from graspfn.commands.check import check
-from graspfn.commands.ending import BAD_INPUT
+from graspfn.commands.ending import BAD_INPUT, LACKS_WORKFLOW
 from graspfn.commands.label import label
 from graspfn.commands.logs import logs
 from graspfn.commands.model import model
@@ -46,5 +46,5 @@ def main() -> None:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] == __package__:
             raise
-        typer.echo(f"{error.name}: not installed; it takes graspfn[workflow], and that Python 3.11", err=True)
+        typer.echo(f"{error.name}: {LACKS_WORKFLOW}", err=True)
         raise SystemExit(BAD_INPUT) from None

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from graspfn.commands.ending import end_at
+from graspfn.commands.ending import LACKS_WORKFLOW, end_at
 from graspfn.params import ParameterError, check_folders, read_yaml, validate
 
 # Loaded by name, so that a missing one is told before dartpy or moderngl is imported and fails at length.
@@ -25,7 +25,7 @@ def check() -> None:
 def problems() -> list[str]:
     """What is wrong with params.yaml and which system libraries are missing."""
     if importlib.util.find_spec("dartpy") is None:
-        return ["dartpy: not installed; it takes graspfn[workflow], and that Python 3.11"]
+        return [f"dartpy: {LACKS_WORKFLOW}"]
     found = []
     libraries = [DART_LIBRARY]
     try:

@@ -11,10 +11,9 @@ from graspfn.commands.depth_pixels import read_pixels
 from graspfn.commands.ending import InputError
 from graspfn.imaging.camera import Camera
 from graspfn.imaging.holes import holes
+from graspfn.robot.decode import FARTHEST_M, NEAREST_M
 
 SUFFIXES = (".png", ".tif", ".tiff", ".npy", ".pcd", ".mcap")
-# Between an arm's camera at its lowest and one under the ceiling. Half of an image's depths lie beyond its median.
-NEAREST_M, FURTHEST_M = 0.1, 3.0
 BEYOND_M = 1e5  # what is further was not measured: codes such as 1e30
 
 
@@ -88,10 +87,10 @@ def _question(depth: np.ndarray, name: str, used: Unit | None) -> None:
     if not len(measured):
         raise InputError(f"{name}: no pixel holds a depth; it takes at least one")
     middle = float(np.median(measured))
-    if NEAREST_M <= middle <= FURTHEST_M:
+    if NEAREST_M <= middle <= FARTHEST_M:
         return
     others = {unit: middle * unit.metres / used.metres for unit in Unit} if used else {}
-    likely = [f"--depth-unit {unit} makes it {m:.3g}" for unit, m in others.items() if NEAREST_M <= m <= FURTHEST_M]
+    likely = [f"--depth-unit {unit} makes it {m:.3g}" for unit, m in others.items() if NEAREST_M <= m <= FARTHEST_M]
     taken = f"--depth-unit {used}" if used else "its own unit"
     hint = f"; {', '.join(likely)}" if likely else ""
     raise InputError(f"{name}: {taken} has the middle of its depths at {middle:.3g} m, where no table is{hint}")

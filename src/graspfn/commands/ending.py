@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import typer
 
 BAD_INPUT, NO_GRASP = 2, 3
+LACKS_WORKFLOW = "not installed; it takes graspfn[workflow], and that Python 3.11"  # of a module
 
 
 class InputError(ValueError):

@@ -36,6 +36,5 @@ def label(
     try:
         account = label_mesh(mesh, out, params, seed, size)
     except (ParameterError, MeshError, ClusterError) as error:
-        typer.echo(str(error), err=True)
-        raise typer.Exit(BAD_INPUT) from None
+        end_at([str(error)], BAD_INPUT)
     typer.echo(json.dumps(account) if as_json else table(account))
