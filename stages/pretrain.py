@@ -10,7 +10,7 @@ from graspfn.learning.networks import build_network
 from graspfn.learning.pretraining import class_indices, pretrain
 from graspfn.learning.targets import ClassTargets
 from graspfn.learning.training import resources
-from graspfn.learning.weights import save_network
+from graspfn.learning.weights import save_pretrained
 from graspfn.params import Declared
 from graspfn.workflow.stage import stage
 
@@ -29,7 +29,7 @@ def main(params: Declared) -> None:
     scratch = resources(params.compute, f"pretrain-{run}")
     history, notes = pretrain(network, samples, names, params.pretrain, params.network, seed, scratch)
     folder = OUT / run
-    save_network(folder, network, params.network, **notes)
+    save_pretrained(folder, network, params.network, **notes)
     history.to_csv(folder / "history.csv", index=False)
 
 

@@ -9,7 +9,7 @@ from graspfn.imaging.camera import Camera
 from graspfn.learning.dataset import Samples, inputs_of
 from graspfn.learning.targets import GraspTargets
 from graspfn.learning.training import resources, train
-from graspfn.learning.weights import load_network, save_network
+from graspfn.learning.weights import load_pretrained, save_network
 from graspfn.params import Declared
 from graspfn.workflow.files import read_npz
 from graspfn.workflow.stage import stage
@@ -33,7 +33,7 @@ def main(params: Declared) -> None:
     inputs = inputs_of(params.network.input, IMAGES, table, Camera.from_params(params.camera), params.noise)
     samples = Samples(table, inputs, GraspTargets(successes, int(labels["attempts"]), table))
     run, seed = "-".join(params.items), params.seed + int(params.items[1])
-    network = load_network(PRETRAINED / run)
+    network = load_pretrained(PRETRAINED / run, seed)
     scratch = resources(params.compute, f"train-{run}")
     history = train(network, samples, params.train, params.network, seed, scratch)
     folder = OUT / run

@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import torch
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
@@ -17,11 +18,7 @@ from graspfn.params import Network
 
 def save_network(folder: Path, network: GraspNetwork, params: Network, **notes: Any) -> None:
     """Writes weights.safetensors and config.json: {"network": the architecture's parameters, **notes}."""
-    folder.mkdir(parents=True, exist_ok=True)
-    state = {name: tensor.detach().cpu().contiguous() for name, tensor in network.state_dict().items()}
-    save_file(state, folder / "weights.safetensors")
-    config = {"network": dataclasses.asdict(params), **notes}
-    (folder / "config.json").write_text(json.dumps(config, indent=2) + "\n")
+    _save(folder, _kept(network), params, notes)
 
 
 def load_network(folder: Path) -> GraspNetwork:
@@ -29,14 +26,47 @@ def load_network(folder: Path) -> GraspNetwork:
 
     WeightsError or ParameterError, in one line that names the file, where the folder holds anything else.
     """
+    return _load(folder).eval()
+
+
+def save_pretrained(folder: Path, network: GraspNetwork, params: Network, **notes: Any) -> None:
+    """As `save_network`, but without the output layer, which pre-training leaves as it was drawn."""
+    shared = {name: tensor for name, tensor in _kept(network).items() if not _of_output(name)}
+    _save(folder, shared, params, notes)
+
+
+def load_pretrained(folder: Path, seed: int) -> GraspNetwork:
+    """The network pre-trained in a folder, with the output layer that this seed draws; errors as of `load_network`."""
+    return _load(folder, seed, pretrained=True)
+
+
+def _of_output(name: str) -> bool:
+    return "output" in name.split(".")
+
+
+def _kept(network: GraspNetwork) -> dict[str, torch.Tensor]:
+    """Matrices and filters in half precision, which is less than training leaves undecided, and half the file."""
+    state = {name: tensor.detach().cpu().contiguous() for name, tensor in network.state_dict().items()}
+    return {name: tensor.half() if tensor.ndim > 1 else tensor for name, tensor in state.items()}
+
+
+def _save(folder: Path, state: dict[str, torch.Tensor], params: Network, notes: dict[str, Any]) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    save_file(state, folder / "weights.safetensors")
+    config = {"network": dataclasses.asdict(params), **notes}
+    (folder / "config.json").write_text(json.dumps(config, indent=2) + "\n")
+
+
+def _load(folder: Path, seed: int = 0, pretrained: bool = False) -> GraspNetwork:
     params = read_network(folder)
     path = folder / "weights.safetensors"
     try:
         with path.open("rb") as file:
             check_pointer(path, file.read(len(POINTER)))
         state = load_file(path)
-        network = build_network(params)
-        network.load_state_dict(state)
+        network = build_network(params, seed)
+        drawn = {name: tensor for name, tensor in network.state_dict().items() if pretrained and _of_output(name)}
+        network.load_state_dict(state | drawn)
     except FileNotFoundError:
         raise WeightsError(f"{path}: no such file; it takes the weights beside config.json") from None
     except OSError as error:
@@ -47,4 +77,4 @@ def load_network(folder: Path) -> GraspNetwork:
     for name, tensor in state.items():
         if not tensor.isfinite().all():
             raise WeightsError(f"{path}: {name} holds NaN or infinity")
-    return network.eval()
+    return network

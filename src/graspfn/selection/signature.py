@@ -14,6 +14,7 @@ import trimesh
 
 TOLERANCE = 0.01  # two signatures closer than this in every number are of one shape
 LENGTH = 11
+DIGITS = 9  # kept: what lies below differs from one processor to another, and so would all that is cached after it
 SMALLEST = 1e-6  # a sheet has no thickness, and no logarithm of it
 
 # Weights and barycentric coordinates of a rule that is exact to the fourth degree on a triangle (Dunavant, 1985).
@@ -36,7 +37,7 @@ def signature(mesh: trimesh.Trimesh) -> np.ndarray:
     surface, around = ((body.triangles - middle) / size for body in (mesh, hull))
     (radii, scale, centre), (hull_radii, hull_scale, hull_centre) = _integrals(surface), _integrals(around)
     logs = np.log(np.maximum(np.concatenate([radii, scale, hull_radii, hull_scale]), SMALLEST))
-    return np.append(logs, np.linalg.norm(centre - hull_centre))
+    return np.append(logs, np.linalg.norm(centre - hull_centre)).round(DIGITS)
 
 
 def _integrals(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
