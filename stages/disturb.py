@@ -37,7 +37,8 @@ def main(params: Declared) -> None:
     )
     runs = list(product(params.networks, params.training_seeds))
     keep_only(DATA / "networks", [f"{network}-{seed}" for network, seed in runs])
-    scenes, code = Scenes(DATA, conditions, runs), code_digest(*ROOMS)
+    first = [(network, params.training_seeds[0]) for network in params.networks]  # what disturbs one, disturbs all
+    scenes, code = Scenes(DATA, conditions, first), code_digest(*ROOMS)
     shards = {name: shard_path("disturb", shard_key(code, *scenes.depends(name))) for name in scenes.names}
     plans = lines_of_each("disturb", shards, disturb_case, scenes.task, params.compute, params.disturb.max_failed)
     write_parquet(OUT, plans)

@@ -18,6 +18,7 @@ from graspfn.reporting.metrics import (
     robust_gain,
     rounded,
     simulation_numbers,
+    source_numbers,
 )
 from graspfn.reporting.plans import ALL, GRASPABLE, graspable_objects, per_object, plans_of
 from graspfn.reporting.summary import in_readme, results_sentence
@@ -318,6 +319,23 @@ def test_methods_that_shared_no_trial_have_no_gain(apart):
     assert robust_gain(trials, "fcn", "object", TABLE_2_PAIR) is None
     found = robot_numbers(trials)
     assert "robust_best_grasp" in found["fcn"] and "robust_minus_best" not in found["fcn"]
+
+
+def test_sources_weighed_by_their_objects_are_the_whole(plans):
+    source = {name: "ycb" if i % 3 else "procedural" for i, name in enumerate(sorted(set(plans["id"])))}
+    table = tables.by_source(plans, source)
+    ours = table[table["network"] != TRUE]  # which only the labelled objects have
+    whole = tables.means1(plans, SURE).query("objects_of == @ALL").set_index(["method", "network"])["success"]
+    for key, rows in ours.groupby(["method", "network"]):
+        assert (rows["success"] * rows["objects"]).sum() / rows["objects"].sum() == pytest.approx(whole[key]), key
+    assert ours.groupby("source")["objects"].max().to_dict() == {"procedural": 4, "ycb": 6}
+    shown = layout.layout_sources(table, "")
+    assert shown.columns == ["procedural (4)", "ycb (6)"]
+    first = table[(table["source"] == "ycb") & (table["method"] == METHODS[0])].iloc[0]
+    assert shown.blocks[0].rows[0].cells[1].rate == f"{first['success']:.3f}"
+    numbers = source_numbers(plans, source)
+    assert numbers["ycb"]["centroid"]["success"] == pytest.approx(first["success"])
+    assert numbers["procedural"]["fcn"].keys() >= {"best_grasp", "robust_best_grasp"}
 
 
 @pytest.fixture(scope="module")

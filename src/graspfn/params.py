@@ -300,7 +300,7 @@ class Evaluate:
 class Disturb:
     """Disturbed depth images of the test objects, planned on with and without the fit of the table: robustness."""
 
-    objects: Annotated[int, Key("test objects on which plans are tried in simulation; all are planned on", at_least=1)]
+    objects: Annotated[int, Key("test objects seen disturbed, labelled ones if there are", at_least=1)]
     errors_per_object: Annotated[int, Key("errors drawn for each of them: trials of a plan", at_least=1)]
     sigma_uv_mm: Annotated[float, Key("std of the reached position, mm", above=0)]
     sigma_theta_deg: Annotated[float, Key("std of the reached angle, degrees", above=0)]

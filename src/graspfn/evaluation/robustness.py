@@ -64,7 +64,7 @@ class Conditions:
 class Case:
     """One scene: the object at its placement, None for an empty table, and what its labels know of it.
 
-    attempts: of the labels, None where it has none. tried: whether the plans are tried in simulation.
+    attempts: of the labels, None where it has none.
     """
 
     name: str
@@ -72,7 +72,6 @@ class Case:
     shift_uv: np.ndarray
     theta: float
     attempts: Attempts | None
-    tried: bool
 
     def scene(self, seen: HeightMap) -> Scene:
         return Scene(self.name, seen, self.shift_uv, self.theta)
@@ -162,7 +161,7 @@ class _Trials:
         # Clean plans meet the errors of Table 1.
         self.errors = errors_of(case.name, conditions.disturb.errors_per_object, conditions.seed)
         self.bench = None
-        if case.tried and case.resting is not None:
+        if case.resting is not None:
             self.bench = Bench(case.resting, conditions.rig, case.scene(NOTHING))
         self.known: dict[bytes, bool] = {}
 

@@ -26,23 +26,22 @@ class Scenes:
             Trained(*run, input_kind(folder), load_network(folder))
             for run, folder in zip(runs, self._folders, strict=True)
         ]
-        objects = self._objects.names
-        self.names: list[str] = [*EMPTY, *objects]
-        # Objects stand class by class: those that are tried are spread over all of them.
+        known = [name for name in self._objects.names if self._objects.attempts(name) is not None]
+        objects = known or self._objects.names  # what the labels know costs no trial
+        # They stand class by class: those taken are spread over all of them.
         places = np.linspace(0, len(objects) - 1, min(conditions.disturb.objects, len(objects))).round().astype(int)
-        self._tried = {objects[i] for i in places}
+        self.names: list[str] = [*EMPTY, *(objects[i] for i in places)]
 
     def depends(self, name: str) -> list[Any]:
         """All that the plans of a scene follow from, for the name of its shard."""
         weights = [folder / file for folder in self._folders for file in ("config.json", "weights.safetensors")]
         own = [] if name in EMPTY else self._objects.depends(name)
-        return [name, name in self._tried, self.conditions, *weights, *own]
+        return [name, self.conditions, *weights, *own]
 
     def task(self, name: str) -> tuple[Any, ...]:
         """Arguments of `disturb_case`."""
         if name in EMPTY:
-            return Case(name, None, np.zeros(2), 0.0, None, tried=False), self.conditions, self.networks
+            return Case(name, None, np.zeros(2), 0.0, None), self.conditions, self.networks
         placed, attempts = self._objects.placement(name), self._objects.attempts(name)
-        resting, tried = self._objects.resting(name), name in self._tried
-        case = Case(name, resting, placed.shift_uv, placed.theta, attempts, tried)
+        case = Case(name, self._objects.resting(name), placed.shift_uv, placed.theta, attempts)
         return case, self.conditions, self.networks

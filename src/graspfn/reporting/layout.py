@@ -126,6 +126,18 @@ def layout_means(means: pd.DataFrame, caption: str) -> Layout:
     return Layout(caption, groups, (Block("", tuple(rows)),))
 
 
+def layout_sources(table: pd.DataFrame, caption: str) -> Layout:
+    """Success by the source of the test objects, a column for each; table: of `tables.by_source`."""
+    named, count = _named(table), table.groupby("source")["objects"].max()
+    rows = []
+    for (_, name), of_name in named.groupby(["method", "name"], sort=False):
+        of_source = {line["source"]: line for _, line in of_name.iterrows()}
+        cells = tuple(_ours(of_source.get(source)) for source in count.index)
+        rows.append(Row(str(name), cells, ours=True, first=False))
+    columns = tuple(f"{source} ({objects:,})" for source, objects in count.items())
+    return Layout(caption, (("", columns),), (Block("", tuple(rows)),))
+
+
 def layout2(table: pd.DataFrame, caption: str) -> Layout:
     """Table 2: a column for every condition."""
     named = table.assign(name=table["method"], method=[name.split(" (")[0] for name in table["method"]])

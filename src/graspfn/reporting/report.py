@@ -28,7 +28,7 @@ def write_tables(
 ) -> list[layout.Layout]:
     """table{1,2} as .csv, .md and .tex; robustness as .csv and .md; and what `dvc plots` draws of Table 1.
 
-    Returns the layouts of Table 1's means, Table 1, Table 2 and robustness.
+    Returns the layouts of Table 1's means, these by source, Table 1, Table 2 and robustness.
     """
     scale, table2 = inputs.params.scale, tables.table2(inputs.robot_trials)
     means = layout.layout_means(tables1.means, tables.caption_means(tables1.means))
@@ -46,9 +46,18 @@ def write_tables(
     caption = caption_robustness(robustness, inputs.params.disturb, scale)
     third = layout_robustness(robustness, caption)
     (folder / "robustness.md").write_text(layout.to_markdown(third), encoding="utf-8")
+    beside = [means, *sources_of(inputs)]
     with (folder / "table1.md").open("a", encoding="utf-8") as file:
-        file.write("\n" + layout.to_markdown(means))
-    return [means, *laid_out.values(), third]
+        file.writelines("\n" + layout.to_markdown(shown) for shown in beside)
+    return [*beside, *laid_out.values(), third]
+
+
+def sources_of(inputs: ReportInputs) -> list[layout.Layout]:
+    """Table 1's means for each source of test objects; nothing where all have the same."""
+    table = tables.by_source(inputs.plans, inputs.test_source)
+    if table["source"].nunique() < 2:
+        return []
+    return [layout.layout_sources(table, tables.caption_sources(table, set(inputs.manifests["train"]["source"])))]
 
 
 def write_failed(inputs: ReportInputs, folder: Path) -> list[Picture]:

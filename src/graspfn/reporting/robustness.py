@@ -75,8 +75,8 @@ def _change(now: pd.DataFrame, before: pd.DataFrame) -> Resampled | None:
 def robustness_table(plans: pd.DataFrame) -> pd.DataFrame:
     """A row for every disturbance, amount, method and way to have the table (COLUMNS); plans: data/robustness.parquet.
 
-    success, ci_low, ci_high: of trials in simulation, on `objects`. expected: success by the attempts of labels, on all
-    labelled objects, and expected_change that less its own on clean images, with its interval. stay_share: of the
+    success, ci_low, ci_high: of trials in simulation, on `objects`. expected: success by the attempts of labels, on the
+    labelled ones, and expected_change that less its own on clean images, with its interval. stay_share: of the
     `planned` objects. refused: plans for which the image was turned down. highest_score: of the network on an empty
     table seen with the same disturbance, the highest over its draws.
     """
@@ -171,10 +171,10 @@ def caption_robustness(table: pd.DataFrame, disturb: Any, scale: str) -> str:
         f"Robustness (ours, not the paper's), scale “{scale}”: disturbed depth images of {planned:,} test objects, "
         "with the table found in the image and with the camera's pose believed; each plan is executed with "
         f"σuv = {disturb.sigma_uv_mm:g} mm, σθ = {disturb.sigma_theta_deg:g}°. Success: of at most {trials:,} trials "
-        f"in simulation on {objects:,} of the objects, the same errors in every row; brackets are 95% intervals. "
-        "Expected: the success of the commanded poses by the labelled attempts of all labelled objects, which is far "
-        "more precise. Stays: share of plans within 1 cm and 15° of that on the clean image. Highest score: of any "
-        f"pose, on an empty table seen with the same disturbance. {turned_down}{ceiling(table)}"
+        f"in simulation on {objects:,} objects, the same errors in every row; brackets are 95% intervals. "
+        "Expected: the success of the commanded poses by the objects' own labelled attempts, which is far more "
+        "precise. Stays: share of plans within 1 cm and 15° of that on the clean image. Highest score: of any pose, on "
+        f"an empty table seen with the same disturbance. {turned_down}{ceiling(table)}"
         "Offset: the camera is higher than it is believed to be. Tilt: it looks elsewhere, from a place that is known. "
         "Camera height: moved, and known to be. Other noise: nothing but another draw of it."
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -151,6 +151,21 @@ def means1(plans: pd.DataFrame, graspable: Collection[str]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def by_source(plans: pd.DataFrame, source: Mapping[str, str]) -> pd.DataFrame:
+    """Means over all cells of Table 1 for the objects of each source: source, method, network, success and so on.
+
+    source: where each object comes from, by id.
+    """
+    found: list[dict[str, Any]] = []
+    for name, table in plans.groupby(plans["id"].map(source)):
+        rows = [
+            {"source": name} | dict(zip(_KEY[:2], key, strict=True)) | _summary(group)
+            for key, group in table.groupby(_KEY[:2])
+        ]
+        found += sorted(rows, key=_order)
+    return pd.DataFrame(found)
+
+
 @dataclass(frozen=True, eq=False)
 class Tables1:
     """Table 1 (TABLE_1_COLUMNS), and the means over its cells."""
@@ -269,6 +284,14 @@ def caption_means(table: pd.DataFrame) -> str:
         "planned it. Expected: the success of that pose by the object's own labelled attempts, of labelled objects and "
         "where enough attempts lie near; none for the true function, which is made of them. "
         f"Brackets: {what_intervals_hold(table)}."
+    )
+
+
+def caption_sources(table: pd.DataFrame, learned_from: Collection[str]) -> str:
+    """What stands under the means by source; table: of `by_source`; learned_from: the sources of training objects."""
+    return (
+        "Means over all cells of Table 1 for the test objects of each source, with their number. The networks learned "
+        f"from objects of {', '.join(sorted(learned_from))}. Brackets: {what_intervals_hold(table)}."
     )
 
 
