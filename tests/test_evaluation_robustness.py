@@ -131,8 +131,8 @@ def test_a_refused_image_is_no_grasp_and_says_why(plans):
     assert set(zip(refused["disturbance"], refused["amount"], strict=True)) == {("tilt", 40.0)}
     assert refused.loc[refused["table_fit"], "refused"].str.contains("table.max_tilt_deg").all()
     believed = refused[~refused["table_fit"]].set_index("network")["refused"]
-    assert believed["images"].str.contains("takes the paper's 14 px").all()
-    assert believed["maps"].str.startswith("no object").all() and believed[""].str.startswith("no object").all()
+    assert believed.loc[["images"]].str.contains("takes the paper's 14 px").all()
+    assert believed.loc[["maps", ""]].str.startswith("no object").all()
     assert refused["u_m"].isna().all() and (refused["held"] == 0).all()
     assert set(refused.loc[refused["table_fit"], "method"]) == {CENTROID, BEST, ROBUST}
     tried = refused[refused["id"] == "blade"]
@@ -183,11 +183,11 @@ def test_the_table_has_its_columns_and_says_what_was_made(plans, tmp_path):
     assert not table.duplicated(["disturbance", "amount", "method", "network", "table_fit"]).any()
     clean = table[table["disturbance"] == CLEAN]
     assert (clean["stay_share"] == 1).all() and (clean["expected_change"].dropna() == 0).all()
-    assert (table["planned"] == 2).all() and (table["trials"] == 2).all() and (table["objects"] == 1).all()
+    assert (table["planned"] == 1).all() and (table["trials"] == 2).all() and (table["objects"] == 1).all()
     assert (table["success"] == 1).sum() and (table.loc[table["refused"] > 0, ["success", "expected"]] == 0).all(
         axis=None
     )
-    assert table.loc[table["refused"] > 0, "refused"].eq(2).all()
+    assert table["refused"].sum() == (plans["refused"].ne("") & ~plans["empty"]).sum() > 0
     scores = plans[plans["empty"]].groupby(["disturbance", "amount", "network", "table_fit"])["highest"].max()
     maps = table[(table["network"] == "maps") & table["table_fit"]]
     for line in maps.itertuples():
@@ -206,7 +206,7 @@ def test_expected_success_is_known_for_labelled_objects_alone():
 def test_the_layout_and_the_figure_show_every_disturbance(plans):
     table = robustness_table(plans)
     caption = caption_robustness(table, FEW, "made")
-    assert "2 test objects" in caption and "refused" in caption and "true function" in caption
+    assert "of 1 test object," in caption and "refused" in caption and "true function" in caption
     layout = layout_robustness(table, caption)
     text = to_markdown(layout)
     assert "| offset +10 mm |" in text and "| tilt 40 deg |" in text and caption in text

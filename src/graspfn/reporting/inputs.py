@@ -124,6 +124,7 @@ class ReportInputs:
         """Where each test object comes from, by id."""
         manifest = self.manifests["test"]
         return dict(zip(manifest["id"], manifest["source"], strict=True))
+
     stage_seconds: Mapping[str, float]
 
 

@@ -168,7 +168,8 @@ def caption_robustness(table: pd.DataFrame, disturb: Any, scale: str) -> str:
     count, of = int(refused["refused"].sum()), int(refused["planned"].sum())
     turned_down = f"For {count:,} of the {of:,} plans the image was refused, which is no grasp. " if count else ""
     return (
-        f"Robustness (ours, not the paper's), scale “{scale}”: disturbed depth images of {planned:,} test objects, "
+        f"Robustness (ours, not the paper's), scale “{scale}”: disturbed depth images of {planned:,} test "
+        f"object{'s' * (planned != 1)}, "
         "with the table found in the image and with the camera's pose believed; each plan is executed with "
         f"σuv = {disturb.sigma_uv_mm:g} mm, σθ = {disturb.sigma_theta_deg:g}°. Success: of at most {trials:,} trials "
         f"in simulation on {objects:,} objects, the same errors in every row; brackets are 95% intervals. "
