@@ -1,4 +1,4 @@
-"""Dask schedulers and workers started by hand, as docs/architecture.md says, for tests of the maps over them."""
+"""Dask schedulers and workers started by hand, as docs/cluster.md says, for tests of the maps over them."""
 
 from __future__ import annotations
 

@@ -106,7 +106,7 @@ def test_workers_order_and_repetition_change_no_bit(expected: dict[str, Made], w
 
 @pytest.fixture(scope="module")
 def scheduler() -> Iterator[str]:
-    """Address of a scheduler with two workers, started by hand as docs/architecture.md says."""
+    """Address of a scheduler with two workers, started by hand as docs/cluster.md says."""
     with dask_scheduler() as address, dask_worker(address), dask_worker(address):
         yield address
 
