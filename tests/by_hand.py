@@ -1,4 +1,4 @@
-"""Dask schedulers and workers started by hand, as docs/architecture.md says, for tests of the maps over them."""
+"""Dask schedulers and workers started by hand, as docs/cluster.md says, for tests of the maps over them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -57,3 +58,5 @@ def dask_worker(scheduler: str, lacks: bool = False, path: Path | None = None) -
         with _process(*worker, first=LACKING if lacks else "", path=path) as process:
             client.wait_for_workers(before + 1, timeout=60)
             yield process.pid
+        while len(client.nthreads()) > before:  # or whoever starts the next one would count this one
+            time.sleep(0.05)

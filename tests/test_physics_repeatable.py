@@ -106,7 +106,7 @@ def test_workers_order_and_repetition_change_no_bit(expected: dict[str, Made], w
 
 @pytest.fixture(scope="module")
 def scheduler() -> Iterator[str]:
-    """Address of a scheduler with two workers, started by hand as docs/architecture.md says."""
+    """Address of a scheduler with two workers, started by hand as docs/cluster.md says."""
     with dask_scheduler() as address, dask_worker(address), dask_worker(address):
         yield address
 
@@ -137,6 +137,64 @@ def test_a_worker_killed_in_mid_task_costs_that_task_alone(
     assert {name: len(pids) for name, pids in processes(tmp_path).items()} == {
         name: 2 if name == victim else 1 for name in expected
     }
+
+
+def label_or_linger(lingers: Path, *arguments: Any) -> Labels:
+    """label_part; on a worker that is to be killed it says that it began, and goes on until then."""
+    if "DOOMED" in os.environ:
+        note_start(lingers)
+        while True:
+            label_part(*arguments)
+    return label_part(*arguments)
+
+
+def give_up_after(deaths: int, scheduler: str) -> None:
+    """Have the scheduler give up tasks of which more workers died."""
+    from distributed import Client
+
+    with Client(scheduler) as client:
+        client.run_on_scheduler(lambda dask_scheduler: setattr(dask_scheduler, "allowed_failures", deaths))
+
+
+def test_one_of_four_workers_killed_twice_changes_no_bit(
+    scheduler: str, expected: dict[str, Made], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each time in mid-task and with more of them to do; tasks do not run out before that.
+
+    After the first death the scheduler itself has its tasks done elsewhere, after the second it gives them up.
+    """
+    lingers, killed, over = tmp_path / "lingers", threading.Event(), threading.Event()
+    lingers.touch()
+    asked: dict[str, Made] = {}
+
+    def supply() -> Iterator[Task]:
+        for again in itertools.takewhile(lambda _: not killed.is_set(), itertools.count()):
+            for name, angle in PARTS:
+                asked[f"{name}-{angle} {again}"] = expected[f"{name}-{angle}"]
+                yield f"{name}-{angle} {again}", (lingers, name, angle, OBJECTS[name])
+
+    def kill_twice() -> None:
+        for death, forgiven in ((1, 3), (2, 0)):
+            give_up_after(forgiven, scheduler)
+            with dask_worker(scheduler):
+                while len(lingers.read_text().split()) < death and not over.is_set():
+                    time.sleep(0.05)
+        killed.set()
+
+    killer = threading.Thread(target=kill_twice)
+    with dask_worker(scheduler):
+        monkeypatch.setenv("DOOMED", "1")
+        killer.start()
+        try:
+            found = dict(map_objects(label_or_linger, supply(), 1, compute(address=scheduler), "label"))
+        finally:
+            over.set()
+            killer.join()
+            give_up_after(3, scheduler)
+    assert len(lingers.read_text().split()) == 2
+    failed = [str(result) for result in found.values() if isinstance(result, Exception)]
+    assert not failed
+    assert {name: made(labels) for name, labels in found.items()} == asked
 
 
 def die(starts: Path) -> None:
