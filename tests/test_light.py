@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from test_plan_command import DEPTH, PINHOLE, SIGMA, write_mcap, write_pcd
