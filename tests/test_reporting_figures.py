@@ -113,6 +113,15 @@ def drawings():
     }
 
 
+def test_bars_of_what_always_or_never_held_are_drawn():
+    """Of 10 objects that always held, rounding leaves the end of the interval below the rate, of 7 above it."""
+    widths = dict.fromkeys(WIDTHS_M, 0.03)
+    for some, success_ in ((PLANS, 1.0), (PLANS[PLANS["id"].isin(list(widths)[:7])], 0.0)):
+        plans = some.assign(success=success_)
+        assert png_bytes(success.draw_success_vs_width(plans, widths, "fcn", [(5.0, 10.0)]))
+        assert png_bytes(promise.draw_promise_against_fact(plans[plans["method"] == "Robust Best Grasp"], ["fcn"]))
+
+
 def test_names_are_not_taken_for_formulas():
     depth, _ = scene()
     grasp = depth_images.ExecutedGrasp("cup $x_{$", depth, np.zeros(3), np.zeros(3))
