@@ -24,6 +24,6 @@ def test_repro_has_nothing_to_do(tmp_path: Path) -> None:
 
 
 def test_readme_says_the_results_of_the_run() -> None:
-    """Of the paper's scale. Between the markers <!-- results --> and <!-- /results --> stands what results_sentence makes of the metrics."""
+    """Those of the paper's scale, between the markers <!-- results --> and <!-- /results -->."""
     metrics = json.loads((ROOT / "reports/paper/metrics.json").read_text())
     assert in_readme((ROOT / "README.md").read_text()) == results_sentence(metrics)

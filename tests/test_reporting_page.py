@@ -152,7 +152,8 @@ def analyse_recordings(data, params):
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory):
     values = read_yaml(ROOT / "params.yaml")
-    values |= {"networks": ["fcn"], "scale": "made <up> & tiny"}
+    values |= {"networks": ["fcn"], "scale": "made-up"}
+    values["gripper"]["name"] = "made <up> & tiny"
     params = validate(values)
     data = tmp_path_factory.mktemp("workflow") / "data"
     data.mkdir()

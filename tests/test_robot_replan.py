@@ -13,7 +13,7 @@ from test_robot_recording import trial
 from graspfn.evaluation.planner import Planner
 from graspfn.learning.networks import build_network
 from graspfn.learning.prediction import OneByOne
-from graspfn.learning.weights import save_network
+from graspfn.learning.weights import load_network, save_network
 from graspfn.planning.methods import BEST, ROBUST
 from graspfn.planning.planner import Grasp, GraspPlanner, Method
 from graspfn.planning.uncertainty import PoseUncertainty
@@ -41,7 +41,8 @@ def recorded(depth: np.ndarray, method: str, q: np.ndarray | None) -> TrialRecor
 @pytest.mark.parametrize(("method", "name"), [(Method.BEST, BEST), (Method.ROBUST, ROBUST)])
 def test_it_is_the_pose_that_the_planner_commanded(method, name, again):
     depth = seen(CAMERA, placed((0.05, 0.02), 0.7)[0])
-    planner = GraspPlanner(OneByOne(NETWORK), "height_map", GRIPPER, PARAMS.table, PARAMS.plan)
+    network = OneByOne(load_network(again.networks["fcn"]))
+    planner = GraspPlanner(network, "height_map", GRIPPER, PARAMS.table, PARAMS.plan)
     grasp = planner.plan(depth, CAMERA, PoseUncertainty.of(5, 10), method)
     assert isinstance(grasp, Grasp), grasp.reason
     planned = again.replan(recorded(depth, name, grasp.q))
