@@ -89,7 +89,7 @@ def test_what_planning_imports_is_a_dependency_without_an_extra(loaded):
 
 
 def test_the_default_model_is_of_the_run_that_comes_along():
-    """`graspfn model export src/graspfn/models/mico-fcn` makes it anew, after `dvc repro --pull` (docs/planning.md)."""
+    """docs/planning.md says how it is made anew."""
     config = json.loads((DEFAULT / "config.json").read_text())
     trained = hashlib.md5((DEFAULT / "weights.safetensors").read_bytes()).hexdigest()
     assert (ROOT / "artifacts/files/md5" / trained[:2] / trained[2:]).is_file()

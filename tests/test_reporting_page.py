@@ -376,7 +376,7 @@ def test_recordings_without_a_grasp_reach_table_2_and_the_page(inputs, tmp_path)
     analyse_recordings(data, inputs.params)
     with_failures = load_inputs(data, inputs.params, {})
     assert all(len(grasp.commanded) == 3 for grasp in with_failures.recorded.grasps)
-    tables1 = Tables1.of(with_failures.plans, with_failures.graspable)
+    tables1 = Tables1.of(with_failures.plans, with_failures.graspable, with_failures.test_source)
     layouts = write_tables(with_failures, tables1, robustness_table(with_failures.disturbed), tmp_path / "tables")
     assert "In 4 of the 12 trials the method found no grasp, which is a failure." in layouts[2].caption
     table = pd.read_csv(tmp_path / "tables/table2.csv")

@@ -118,14 +118,13 @@ class ReportInputs:
     films: Mapping[str, Sequence[Film]]
     recorded: Recorded
     failures: tuple[FailedTrial, ...]
+    stage_seconds: Mapping[str, float]
 
     @property
     def test_source(self) -> dict[str, str]:
         """Where each test object comes from, by id."""
         manifest = self.manifests["test"]
         return dict(zip(manifest["id"], manifest["source"], strict=True))
-
-    stage_seconds: Mapping[str, float]
 
 
 def spread(classes: pd.Series, count: int) -> list[int]:

@@ -17,7 +17,7 @@ from graspfn.reporting.figures.label_outcomes import OUTCOMES
 from graspfn.reporting.inputs import ReportInputs
 from graspfn.reporting.plans import CELL, blocks, difference, of_cell, of_method, per_object
 from graspfn.reporting.sizes import size_statistics, sizes
-from graspfn.reporting.tables import Tables1, by_source
+from graspfn.reporting.tables import Tables1
 
 HEADLINE_CELLS = ((5.0, 10.0), (20.0, 10.0))  # sigma_uv [mm], sigma_theta [deg]
 
@@ -129,10 +129,10 @@ def simulation_numbers(plans: pd.DataFrame, graspable: Collection[str], tables: 
     return result
 
 
-def source_numbers(plans: pd.DataFrame, source: Mapping[str, str]) -> dict[str, Any]:
+def source_numbers(sources: pd.DataFrame) -> dict[str, Any]:
     """For each source of test objects its number of them, and every method's mean success over all cells."""
     result: dict[str, Any] = {}
-    for line in by_source(plans, source).to_dict("records"):
+    for line in sources.to_dict("records"):
         entry = result.setdefault(line["source"], {"objects": line["objects"]})
         where = entry.setdefault(slug(line["network"]), {}) if line["network"] else entry
         where[slug(line["method"])] = {key: line[key] for key in ("success", "ci_low", "ci_high")}
@@ -195,7 +195,7 @@ def metrics(inputs: ReportInputs, tables: Tables1) -> dict[str, Any]:
     return rounded(
         {
             "table1": simulation_numbers(inputs.plans, inputs.graspable, tables),
-            "sources": source_numbers(inputs.plans, inputs.test_source),
+            "sources": source_numbers(tables.sources),
             "table2": robot_numbers(robot)
             | {"simulated_recordings": int(robot["simulated"].sum()), "recordings": len(robot)},
             "expected": dataclasses.asdict(check_expected(inputs.plans)),

@@ -46,18 +46,18 @@ def write_tables(
     caption = caption_robustness(robustness, inputs.params.disturb, scale)
     third = layout_robustness(robustness, caption)
     (folder / "robustness.md").write_text(layout.to_markdown(third), encoding="utf-8")
-    beside = [means, *sources_of(inputs)]
+    beside = [means, *sources_of(tables1.sources, inputs)]
     with (folder / "table1.md").open("a", encoding="utf-8") as file:
         file.writelines("\n" + layout.to_markdown(shown) for shown in beside)
     return [*beside, *laid_out.values(), third]
 
 
-def sources_of(inputs: ReportInputs) -> list[layout.Layout]:
+def sources_of(sources: pd.DataFrame, inputs: ReportInputs) -> list[layout.Layout]:
     """Table 1's means for each source of test objects; nothing where all have the same."""
-    table = tables.by_source(inputs.plans, inputs.test_source)
-    if table["source"].nunique() < 2:
+    if sources["source"].nunique() < 2:
         return []
-    return [layout.layout_sources(table, tables.caption_sources(table, set(inputs.manifests["train"]["source"])))]
+    learned_from = set(inputs.manifests["train"]["source"])
+    return [layout.layout_sources(sources, tables.caption_sources(sources, learned_from))]
 
 
 def write_failed(inputs: ReportInputs, folder: Path) -> list[Picture]:
@@ -82,7 +82,7 @@ def write_report(inputs: ReportInputs, folder: Path) -> None:
     Equal inputs give equal bytes, but for provenance.json and the page, which tell of the machine and its hours.
     Figures of an earlier report are removed.
     """
-    tables1 = tables.Tables1.of(inputs.plans, inputs.graspable)
+    tables1 = tables.Tables1.of(inputs.plans, inputs.graspable, inputs.test_source)
     robustness = robustness_table(inputs.disturbed)
     layouts = write_tables(inputs, tables1, robustness, folder)
     shutil.rmtree(folder / "figures", ignore_errors=True)

@@ -115,15 +115,12 @@ def _summary(plans: pd.DataFrame) -> dict[str, Any]:
     }
 
 
-def _summaries(plans: pd.DataFrame, graspable: Collection[str], by: list[str]) -> list[dict[str, Any]]:
-    """A row for each block and each value of the columns `by`, in order."""
-    _known(plans)
+def _summaries(column: str, groups: Mapping[str, pd.DataFrame], by: list[str]) -> list[dict[str, Any]]:
+    """A row for each group of plans, whose name stands in `column`, and each value of the columns `by`, in order."""
     found: list[dict[str, Any]] = []
-    for block, table in blocks(plans, graspable).items():
-        rows = [
-            {"objects_of": block} | dict(zip(by, key, strict=True)) | _summary(group)
-            for key, group in table.groupby(by)
-        ]
+    for name, table in groups.items():
+        _known(table)
+        rows = [{column: name} | dict(zip(by, key, strict=True)) | _summary(group) for key, group in table.groupby(by)]
         found += sorted(rows, key=_order)
     return found
 
@@ -135,7 +132,7 @@ def table1(plans: pd.DataFrame, graspable: Collection[str]) -> pd.DataFrame:
     no_grasp: of the trials, those where the method found no pose to try. The true function has rows where objects are
     labelled.
     """
-    rows = _summaries(plans, graspable, _KEY)
+    rows = _summaries("objects_of", blocks(plans, graspable), _KEY)
     for row in rows:
         row["paper"] = paper.table_1(kind(row["method"]), row["sigma_uv_mm"], row["sigma_theta_deg"])
     return pd.DataFrame(rows, columns=TABLE_1_COLUMNS)
@@ -143,7 +140,7 @@ def table1(plans: pd.DataFrame, graspable: Collection[str]) -> pd.DataFrame:
 
 def means1(plans: pd.DataFrame, graspable: Collection[str]) -> pd.DataFrame:
     """Table 1's columns but for the cells, over all of which these are means; paper: NaN unless it has every cell."""
-    rows = _summaries(plans, graspable, _KEY[:2])
+    rows = _summaries("objects_of", blocks(plans, graspable), _KEY[:2])
     cells = plans[CELL].drop_duplicates().to_numpy()
     for row in rows:
         del row["expected_error"]  # one object's attempts serve all cells
@@ -156,26 +153,21 @@ def by_source(plans: pd.DataFrame, source: Mapping[str, str]) -> pd.DataFrame:
 
     source: where each object comes from, by id.
     """
-    found: list[dict[str, Any]] = []
-    for name, table in plans.groupby(plans["id"].map(source)):
-        rows = [
-            {"source": name} | dict(zip(_KEY[:2], key, strict=True)) | _summary(group)
-            for key, group in table.groupby(_KEY[:2])
-        ]
-        found += sorted(rows, key=_order)
-    return pd.DataFrame(found)
+    groups = {str(name): group for name, group in plans.groupby(plans["id"].map(source))}
+    return pd.DataFrame(_summaries("source", groups, _KEY[:2]))
 
 
 @dataclass(frozen=True, eq=False)
 class Tables1:
-    """Table 1 (TABLE_1_COLUMNS), and the means over its cells."""
+    """Table 1 (TABLE_1_COLUMNS), the means over its cells, and those for each source of test objects."""
 
     cells: pd.DataFrame
     means: pd.DataFrame
+    sources: pd.DataFrame
 
     @classmethod
-    def of(cls, plans: pd.DataFrame, graspable: Collection[str]) -> Tables1:
-        return cls(table1(plans, graspable), means1(plans, graspable))
+    def of(cls, plans: pd.DataFrame, graspable: Collection[str], source: Mapping[str, str]) -> Tables1:
+        return cls(table1(plans, graspable), means1(plans, graspable), by_source(plans, source))
 
 
 def table2(robot_trials: pd.DataFrame) -> pd.DataFrame:

@@ -13,7 +13,7 @@ from graspfn.evaluation.expected import FEW
 from graspfn.evaluation.planner import TRUE
 from graspfn.evaluation.statistics import proportion
 from graspfn.planning.methods import ROBUST
-from graspfn.reporting.figures.style import COLOURS, WIDE_IN, Plate, new_figure, styled
+from graspfn.reporting.figures.style import COLOURS, WIDE_IN, Plate, interval_bars, new_figure, styled
 from graspfn.reporting.tables import floor_and_ceiling
 
 BINS = 10
@@ -47,7 +47,7 @@ def draw_promise_against_fact(plans: pd.DataFrame, networks: Sequence[str]) -> F
     for (upper, lower), network in zip(panels.T, networks, strict=True):
         table = binned(plans[plans["network"] == network])
         upper.plot([0, 1], [0, 1], color="0.6", linewidth=0.8)
-        bars = np.stack([table["success"] - table["ci_low"], table["ci_high"] - table["success"]]).clip(min=0)
+        bars = interval_bars(table)
         upper.errorbar(table["promise"], table["success"], bars, color=FACT, marker="o", ls="none", elinewidth=0.9)
         upper.plot(table["promise"], table["expected"], "D", color=EXPECTED, markersize=5, markerfacecolor="none")
         upper.set(title=network, xlim=(0, TOP), ylim=(0, TOP), aspect="equal")

@@ -11,6 +11,7 @@ from typing import Any, ParamSpec
 
 import matplotlib
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
@@ -117,6 +118,14 @@ def save_plate(plate: Plate, folder: Path) -> bytes:
     (folder / f"{plate.name}.png").write_bytes(png)
     (folder / f"{plate.name}.pdf").write_bytes(pdf_bytes(plate.figure))
     return png
+
+
+def interval_bars(table: pd.DataFrame) -> np.ndarray:
+    """(2, rows) lengths of error bars below and above success, of the columns success, ci_low and ci_high.
+
+    Where all trials agree, rounding leaves an end of the interval beyond the rate by 1e-16.
+    """
+    return np.stack([table["success"] - table["ci_low"], table["ci_high"] - table["success"]]).clip(min=0)
 
 
 def bare(axes: Axes) -> None:

@@ -14,7 +14,17 @@ from matplotlib.lines import Line2D
 from graspfn.evaluation.planner import TRUE
 from graspfn.evaluation.statistics import resampled_rate
 from graspfn.planning.methods import BEST, CENTROID, ROBUST
-from graspfn.reporting.figures.style import COLOURS, LINES, MARKERS, PAPER, WIDE_IN, Plate, new_figure, styled
+from graspfn.reporting.figures.style import (
+    COLOURS,
+    LINES,
+    MARKERS,
+    PAPER,
+    WIDE_IN,
+    Plate,
+    interval_bars,
+    new_figure,
+    styled,
+)
 from graspfn.reporting.plans import GRASPABLE, block_to_show, blocks, of_cell, of_method, per_object
 from graspfn.reporting.tables import block_names, floor_and_ceiling, what_intervals_hold
 
@@ -131,11 +141,12 @@ def draw_success_vs_width(
             line = by_width(own, widths_m)
             # Side by side inside the bin, so that bars do not cover each other.
             x = line["low_mm"].to_numpy() + BIN_MM * (0.5 + 0.13 * (i - 1.5))
-            bars = np.stack([line["success"] - line["ci_low"], line["ci_high"] - line["success"]]).clip(min=0)
+            bars = interval_bars(line)
             axes.errorbar(x, line["success"], bars, elinewidth=0.8, linewidth=0.8, markersize=4.5, **_look(name))
             counts |= {low: max(n, counts.get(low, 0)) for low, n in zip(line["low_mm"], line["objects"], strict=True)}
         for low, count in counts.items():
-            axes.text(low + BIN_MM / 2, 1.05, f"n = {count}", ha="center", va="bottom", fontsize=8, color="0.35")
+            label = f"n = {count}" if low == min(counts) else f"{count}"  # many bins leave no room for more
+            axes.text(low + BIN_MM / 2, 1.05, label, ha="center", va="bottom", fontsize=8, color="0.35")
         edges = np.arange(min(counts), max(counts) + 1.5 * BIN_MM, BIN_MM)
         axes.set(xticks=edges, xlim=(edges[0], edges[-1]), ylim=(0, TOP), xlabel="narrowest width seen from above (mm)")
         axes.set_title(f"$\\sigma_{{uv}}$ = {uv:g} mm, $\\sigma_\\theta$ = {theta:g}°", pad=20)
