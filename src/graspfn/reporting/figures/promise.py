@@ -47,7 +47,7 @@ def draw_promise_against_fact(plans: pd.DataFrame, networks: Sequence[str]) -> F
     for (upper, lower), network in zip(panels.T, networks, strict=True):
         table = binned(plans[plans["network"] == network])
         upper.plot([0, 1], [0, 1], color="0.6", linewidth=0.8)
-        bars = interval_bars(table)
+        bars = interval_bars(table["success"], table["ci_low"], table["ci_high"])
         upper.errorbar(table["promise"], table["success"], bars, color=FACT, marker="o", ls="none", elinewidth=0.9)
         upper.plot(table["promise"], table["expected"], "D", color=EXPECTED, markersize=5, markerfacecolor="none")
         upper.set(title=network, xlim=(0, TOP), ylim=(0, TOP), aspect="equal")

@@ -11,9 +11,9 @@ from typing import Any, ParamSpec
 
 import matplotlib
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 from PIL import Image
 
 from graspfn.imaging.camera import Camera
@@ -120,12 +120,12 @@ def save_plate(plate: Plate, folder: Path) -> bytes:
     return png
 
 
-def interval_bars(table: pd.DataFrame) -> np.ndarray:
-    """(2, rows) lengths of error bars below and above success, of the columns success, ci_low and ci_high.
+def interval_bars(rate: ArrayLike, low: ArrayLike, high: ArrayLike) -> np.ndarray:
+    """(2, n) lengths of error bars below and above n rates, from the ends of their intervals.
 
     Where all trials agree, rounding leaves an end of the interval beyond the rate by 1e-16.
     """
-    return np.stack([table["success"] - table["ci_low"], table["ci_high"] - table["success"]]).clip(min=0)
+    return np.stack([np.subtract(rate, low), np.subtract(high, rate)]).clip(min=0)
 
 
 def bare(axes: Axes) -> None:

@@ -141,7 +141,7 @@ def draw_success_vs_width(
             line = by_width(own, widths_m)
             # Side by side inside the bin, so that bars do not cover each other.
             x = line["low_mm"].to_numpy() + BIN_MM * (0.5 + 0.13 * (i - 1.5))
-            bars = interval_bars(line)
+            bars = interval_bars(line["success"], line["ci_low"], line["ci_high"])
             axes.errorbar(x, line["success"], bars, elinewidth=0.8, linewidth=0.8, markersize=4.5, **_look(name))
             counts |= {low: max(n, counts.get(low, 0)) for low, n in zip(line["low_mm"], line["objects"], strict=True)}
         for low, count in counts.items():
