@@ -15,7 +15,7 @@ from graspfn.learning.weights import load_network, load_pretrained, save_network
 from graspfn.params import AlexNet, Network
 
 PARAMS = {
-    "alexnet": AlexNet("alexnet", 4, 1e-3, 0.0, 8, 0.3),
+    "alexnet": AlexNet("alexnet", 4, 1e-3, 0.0, 16, 0.3),  # its output layer is kept in 8 bits
     "fcn": Network("fcn", 4, 1e-3, 0.0),
     "turned": Network("turned", 4, 1e-3, 0.0),
 }
@@ -144,6 +144,19 @@ def test_saving_what_came_back_changes_nothing(params, tmp_path):
     save_network(tmp_path / "one", build_network(params, seed=5), params)
     save_network(tmp_path / "two", load_network(tmp_path / "one"), params)
     assert (tmp_path / "one/weights.safetensors").read_bytes() == (tmp_path / "two/weights.safetensors").read_bytes()
+
+
+def test_a_huge_layer_is_kept_in_8_bits_within_half_a_step_of_each_row(tmp_path):
+    network = build_network(PARAMS["alexnet"], seed=5)
+    scales = torch.logspace(-6, 2, len(network.output.weight))
+    with torch.no_grad():
+        network.output.weight *= scales[:, None]
+        network.output.weight[7] = 0
+    save_network(tmp_path, network, PARAMS["alexnet"])
+    weight = network.output.weight.detach()
+    error = (load_network(tmp_path).output.weight.detach() - weight).abs().amax(dim=1)
+    assert (error <= 0.51 * weight.abs().amax(dim=1) / 127).all()
+    assert (tmp_path / "weights.safetensors").stat().st_size < 1.5 * weight.numel()  # all else is small
 
 
 def test_pretraining_hands_on_all_but_the_output_layer(params, tmp_path):

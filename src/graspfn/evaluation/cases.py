@@ -39,6 +39,16 @@ class Protocol:
     seed: int
 
 
+def read_functions(path: Path) -> dict[str, np.ndarray]:
+    """What stage predict wrote of one network.
+
+    scores: (M, 33, 44, 6) float32, of every row of data/images/test.npy; likeliest: the same, classes uint8, 0 to 5;
+    ids: (M,); input: what the network sees.
+    """
+    predicted = read_npz(path)
+    return predicted | {"scores": predicted["scores"].astype(np.float32)}
+
+
 class Cases:
     """The test objects with their images, labels, and grasp functions of all networks and training seeds.
 
@@ -48,7 +58,7 @@ class Cases:
     def __init__(self, data: Path, protocol: Protocol, runs: Sequence[tuple[str, int]]):
         self.protocol, self._objects = protocol, PlacedObjects(data)
         self._images = np.load(data / "images/test.npy", mmap_mode="r")
-        self._predicted = {run: read_npz(data / f"functions/{run[0]}-{run[1]}.npz") for run in runs}
+        self._predicted = {run: read_functions(data / f"functions/{run[0]}-{run[1]}.npz") for run in runs}
         self.names = self._objects.names
 
     def depends(self, name: str) -> list[Any]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from graspfn.evaluation.cases import read_functions
 from graspfn.evaluation.planner import view
 from graspfn.imaging.camera import Camera
 from graspfn.imaging.holes import fill_holes
@@ -152,7 +153,7 @@ def _labelled(data: Path, labels: Mapping[str, np.ndarray], params: Any) -> Labe
 def _predicted(data: Path, networks: dict[str, str], params: Any) -> tuple[PredictedExample, ...]:
     index = pd.read_parquet(data / "images/test.parquet")
     images = np.load(data / "images/test.npy", mmap_mode="r")
-    predicted = {network: read_npz(data / f"functions/{run}.npz") for network, run in networks.items()}
+    predicted = {network: read_functions(data / f"functions/{run}.npz") for network, run in networks.items()}
     rows = [index["row"].tolist()[position] for position in spread(index["class"], SHOWN_TEST)]
     names = index.set_index("row")["id"]
     camera = Camera.from_params(params.camera)
