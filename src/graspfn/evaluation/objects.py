@@ -49,6 +49,9 @@ class PlacedObjects:
         line = self._index.loc[name].to_dict()
         return Placement(line["row"], np.array([line["shift_u_m"], line["shift_v_m"]]), line["theta_rad"])
 
+    def labelled(self, name: str) -> bool:
+        return name in self._labelled
+
     def attempts(self, name: str) -> Attempts | None:
         """Those of the object's labels, whose poses follow from their seed; None where it has none."""
         seed, outcomes = self._known(name)

@@ -26,7 +26,7 @@ class Scenes:
             Trained(*run, input_kind(folder), load_network(folder))
             for run, folder in zip(runs, self._folders, strict=True)
         ]
-        known = [name for name in self._objects.names if self._objects.attempts(name) is not None]
+        known = [name for name in self._objects.names if self._objects.labelled(name)]
         objects = known or self._objects.names  # what the labels know costs no trial
         # They stand class by class: those taken are spread over all of them.
         places = np.linspace(0, len(objects) - 1, min(conditions.disturb.objects, len(objects))).round().astype(int)

@@ -64,7 +64,8 @@ def wilson(value: float, size: float) -> tuple[float, float]:
     """Wilson's 95% interval of a proportion seen in `size` independent trials, which need not be whole."""
     centre = (value + Z95**2 / (2 * size)) / (1 + Z95**2 / size)
     half = Z95 / (1 + Z95**2 / size) * np.sqrt(value * (1 - value) / size + Z95**2 / (4 * size**2))
-    return max(0.0, float(centre - half)), min(1.0, float(centre + half))
+    # At 0 and 1 an end is the proportion itself, but for the last bits.
+    return min(value, max(0.0, float(centre - half))), max(value, min(1.0, float(centre + half)))
 
 
 def proportion(success: np.ndarray, clusters: np.ndarray | None = None) -> Proportion:

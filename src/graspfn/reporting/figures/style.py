@@ -121,11 +121,8 @@ def save_plate(plate: Plate, folder: Path) -> bytes:
 
 
 def interval_bars(rate: ArrayLike, low: ArrayLike, high: ArrayLike) -> np.ndarray:
-    """(2, n) lengths of error bars below and above n rates, from the ends of their intervals.
-
-    Where all trials agree, rounding leaves an end of the interval beyond the rate by 1e-16.
-    """
-    return np.stack([np.subtract(rate, low), np.subtract(high, rate)]).clip(min=0)
+    """(2, n) lengths of error bars below and above n rates, from the ends of their intervals."""
+    return np.stack([np.subtract(rate, low), np.subtract(high, rate)])
 
 
 def bare(axes: Axes) -> None:
