@@ -8,11 +8,10 @@ import pandas as pd
 import pytest
 from made_trials import CELLS, ERRORS, HELD, LABELLED, TRUE, account, simulated_trials
 
-from graspfn.evaluation.statistics import proportion, resampled, resampled_rate
+from graspfn.evaluation.statistics import proportion, resampled_rate
 from graspfn.reporting import layout, paper, tables
 from graspfn.reporting.metrics import (
     TABLE_2_PAIR,
-    compared,
     label_numbers,
     robot_numbers,
     robust_gain,
@@ -20,7 +19,7 @@ from graspfn.reporting.metrics import (
     simulation_numbers,
     source_numbers,
 )
-from graspfn.reporting.plans import ALL, GRASPABLE, graspable_objects, per_object, plans_of
+from graspfn.reporting.plans import ALL, GRASPABLE, graspable_objects, plans_of
 from graspfn.reporting.summary import in_readme, results_sentence
 
 METHODS = ("Centroid", "Best Grasp", "Robust Best Grasp")
@@ -280,34 +279,6 @@ def test_robust_gain_pairs_trials_whatever_their_order():
     assert gain.pairs == 16 and gain.clusters == 4
     assert gain.value == pytest.approx(0.25)
     assert gain.low < 0.25 < gain.high
-
-
-def test_differences_are_paired_by_object_and_change_sign_with_their_order(plans):
-    robust, best, centroid = ("Robust Best Grasp", "fcn"), ("Best Grasp", "fcn"), ("Centroid", "")
-    found = compared(plans, robust, best)
-    assert found.value == pytest.approx(0.2) and found.objects == 10
-    back = compared(plans, best, robust)
-    assert (back.value, back.low, back.high) == pytest.approx((-found.value, -found.high, -found.low))
-    whole = compared(plans, robust, centroid).value
-    assert whole == pytest.approx(found.value + compared(plans, best, centroid).value)
-    assert compared(plans, robust, robust).high == 0  # less spread than either has: they are paired
-
-
-def test_the_gap_to_the_ceiling_is_over_the_objects_that_have_one(plans):
-    found = compared(plans, ("Robust Best Grasp", TRUE), ("Robust Best Grasp", "fcn"))
-    assert found.objects == LABELLED and found.value == pytest.approx(1 / LABELLED)
-    assert compared(plans, ("Robust Best Grasp", TRUE), ("Robust Best Grasp", "alexnet")) is None
-
-
-def test_differences_pair_training_seeds_and_set_each_against_what_has_none():
-    trials = simulated_trials(seeds=(0, 1))
-    worse = (trials["training_seed"] == 1) & (trials["method"] == "Robust Best Grasp") & (trials["id"] == "o0")
-    plans = plans_of(trials.assign(success=trials["success"] & ~worse))
-    robust, best = (plans[(plans["method"] == m) & (plans["network"] == "fcn")] for m in METHODS[:0:-1])
-    expected = resampled(per_object(robust).to_numpy() - per_object(best).to_numpy())
-    found = compared(plans, ("Robust Best Grasp", "fcn"), ("Best Grasp", "fcn"))
-    assert found == expected and found.networks == 2
-    assert compared(plans, ("Robust Best Grasp", "fcn"), ("Centroid", "")).value == pytest.approx(0.4 - 0.05)
 
 
 @pytest.mark.parametrize("apart", ["placement", "method"])

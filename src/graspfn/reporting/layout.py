@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import html
+import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import pandas as pd
 
+from graspfn.evaluation.planner import TRUE
+from graspfn.reporting.differences import EXPECTED, SHOWN, TRIALS
 from graspfn.reporting.tables import block_names, full_name, kind
 
 BLANK = "–"
+JUDGED = {TRIALS: "by trials", EXPECTED: "as expected"}
 
 
 @dataclass(frozen=True)
@@ -94,16 +99,28 @@ def layout1(table: pd.DataFrame, caption: str) -> Layout:
     """Table 1: columns grouped by sigma_theta, then sigma_uv, as in the paper; a block for each set of objects."""
     named = _named(table)
     cells = sorted(set(zip(table["sigma_theta_deg"], table["sigma_uv_mm"], strict=True)))
-    groups = tuple(
-        (f"σθ = {theta:g}°", tuple(f"σuv = {uv:g} mm" for t, uv in cells if t == theta))
-        for theta in dict.fromkeys(t for t, _ in cells)
-    )
     order = [(uv, theta) for theta, uv in cells]
     blocks = tuple(
         Block(heading, _rows(named[named["objects_of"] == block], order))
         for block, heading in block_names(table).items()
     )
-    return Layout(caption, groups, blocks)
+    return Layout(caption, _by_angle(cells), blocks)
+
+
+def _by_angle(cells: list[tuple[float, float]]) -> tuple[tuple[str, tuple[str, ...]], ...]:
+    """Groups of columns of cells (theta, uv)."""
+    return tuple(
+        (f"σθ = {theta:g}°", tuple(f"σuv = {uv:g} mm" for t, uv in cells if t == theta))
+        for theta in dict.fromkeys(t for t, _ in cells)
+    )
+
+
+def _gain(line: pd.Series | None) -> Cell:
+    """A difference with its sign."""
+    if line is None:
+        return Cell(BLANK)
+    value, low, high = (f"{line[key]:+.3f}".replace("-", "−") for key in ("value", "ci_low", "ci_high"))
+    return Cell(value, f"[{low}, {high}]")
 
 
 def layout_means(means: pd.DataFrame, caption: str) -> Layout:
@@ -124,6 +141,34 @@ def layout_means(means: pd.DataFrame, caption: str) -> Layout:
         paper = Cell(number(of_method["paper"].iloc[0])), Cell(BLANK), Cell(BLANK)
         rows.append(Row(f"{method} (paper)", paper * len(names), ours=False, first=False))
     return Layout(caption, groups, (Block("", tuple(rows)),))
+
+
+def layout_differences(table: pd.DataFrame, block_heads: Mapping[str, str], caption: str) -> Layout:
+    """Differences cell by cell, over all cells, and in how many they are above 0; table: of `differences`.
+
+    block_heads: as `block_names` has them. The true function's own have no place here.
+    """
+    shown = table[table["comparison"].isin(SHOWN) & (table["network"] != TRUE)]
+    of_cells = shown[shown["sigma_uv_mm"].notna()]
+    cells = sorted(set(zip(of_cells["sigma_theta_deg"], of_cells["sigma_uv_mm"], strict=True)))
+    blocks = []
+    for block, heading in block_heads.items():
+        rows = []
+        own = shown[shown["objects_of"] == block]
+        for network, comparison, by in itertools.product(dict.fromkeys(own["network"]), SHOWN, JUDGED):
+            lines = own[(own["network"] == network) & (own["comparison"] == comparison) & (own["by"] == by)]
+            found = {(line["sigma_theta_deg"], line["sigma_uv_mm"]): line for _, line in lines.iterrows()}
+            pooled = lines[lines["sigma_uv_mm"].isna()]
+            if pooled.empty:
+                continue
+            above = int((lines["ci_low"] > 0).sum() - (pooled["ci_low"] > 0).sum())
+            values = [_gain(found.get(cell)) for cell in cells]
+            values += [_gain(pooled.iloc[0]), Cell(f"{above} of {len(cells)}")]
+            name = f"{comparison.replace('_minus_', ' − ').capitalize()} ({network}), {JUDGED[by]}"
+            rows.append(Row(name, tuple(values), ours=True, first=by == TRIALS))
+        blocks.append(Block(heading, tuple(rows)))
+    groups = (*_by_angle(cells), ("all cells", ("mean", "above 0")))
+    return Layout(caption, groups, tuple(blocks))
 
 
 def layout_sources(table: pd.DataFrame, caption: str) -> Layout:

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from graspfn.evaluation.planner import TRUE
-from graspfn.evaluation.statistics import Difference, Resampled, paired_difference
-from graspfn.planning.methods import BEST, CENTROID, LIKELIEST, ROBUST
+from graspfn.evaluation.statistics import Difference, paired_difference
+from graspfn.planning.methods import BEST, ROBUST
+from graspfn.reporting.differences import TRIALS, cells_of
 from graspfn.reporting.expectation import check_expected
 from graspfn.reporting.figures.label_outcomes import OUTCOMES
 from graspfn.reporting.inputs import ReportInputs
-from graspfn.reporting.plans import CELL, blocks, difference, of_cell, of_method, per_object
+from graspfn.reporting.plans import blocks, of_cell, of_method
 from graspfn.reporting.sizes import size_statistics, sizes
 from graspfn.reporting.tables import Tables1
 
@@ -59,41 +59,24 @@ def _difference(gain: Difference) -> dict[str, float]:
     return {"value": gain.value, "ci_low": gain.low, "ci_high": gain.high, "pairs": gain.pairs}
 
 
-def comparisons(network: str) -> dict[str, tuple[tuple[str, str], tuple[str, str]]]:
-    """The differences of a network that Table 1 is about: (method, network) less (method, network)."""
-    best, robust, floor = (BEST, network), (ROBUST, network), (CENTROID, "")
-    found = {
-        "robust_minus_best": (robust, best),
-        "best_minus_centroid": (best, floor),
-        "robust_minus_centroid": (robust, floor),
-    }
-    if network == TRUE:
-        return found
-    likeliest, ceiling = (LIKELIEST, network), (ROBUST, TRUE)
-    return found | {"robust_minus_likeliest": (robust, likeliest), "ceiling_minus_robust": (ceiling, robust)}
+def _compared(line: Any) -> dict[str, Any]:
+    """A line of `differences`, as a named tuple."""
+    return {key: getattr(line, key) for key in ("value", "ci_low", "ci_high", "objects")}
 
 
-def compared(plans: pd.DataFrame, one: tuple[str, str], other: tuple[str, str]) -> Resampled | None:
-    """Success of one method less that of another, means over the plans' cells; None where they share no object."""
-    minuend, subtrahend = of_method(plans, *one), of_method(plans, *other)
-    if minuend.empty or subtrahend.empty:
-        return None
-    return difference(per_object(minuend), per_object(subtrahend))
-
-
-def _resampled(found: Resampled) -> dict[str, float]:
-    return {"value": found.value, "ci_low": found.low, "ci_high": found.high, "objects": found.objects}
-
-
-def _differences(plans: pd.DataFrame, network: str) -> dict[str, Any]:
+def _differences(lines: pd.DataFrame) -> dict[str, Any]:
+    """Of one network in one block; lines: of `differences`."""
     result: dict[str, Any] = {}
-    cells = list(plans[CELL].drop_duplicates().itertuples(index=False, name=None))
-    for name, (one, other) in comparisons(network).items():
-        if pooled := compared(plans, one, other):
-            result[name] = _resampled(pooled) | {"cells": {}}
-            for theta, uv in cells:
-                if here := compared(of_cell(plans, uv, theta), one, other):
-                    result[name]["cells"][cell_name(uv, theta)] = _resampled(here)
+    for (name, by), group in lines.groupby(["comparison", "by"]):
+        of_cells = group["sigma_uv_mm"].notna()
+        (pooled,) = group[~of_cells].itertuples()
+        of_each: dict[str, Any] = {}
+        for theta, uv in cells_of(group[of_cells]):
+            (line,) = of_cell(group, uv, theta).itertuples()
+            of_each[cell_name(uv, theta)] = _compared(line)
+        found = _compared(pooled) | {"cells": of_each}
+        entry = result.setdefault(str(name), {})
+        entry |= found if by == TRIALS else {str(by): found}
     return result
 
 
@@ -123,8 +106,9 @@ def simulation_numbers(plans: pd.DataFrame, graspable: Collection[str], tables: 
             rows = of_method(cells[cells["objects_of"] == block], method, network)
             where = entry.setdefault(slug(network), {}) if network else entry
             where[slug(method)] = _method(mean, rows)
-        for network in networks_of(of_block):
-            entry[slug(network)] |= _differences(of_block, network)
+        own = tables.differences[tables.differences["objects_of"] == block]
+        for network, lines in own.groupby("network"):
+            entry[slug(str(network))] |= _differences(lines)
         result[block] = entry
     return result
 

@@ -10,7 +10,6 @@ import pandas as pd
 
 from graspfn.evaluation.expected import FEW
 from graspfn.evaluation.planner import TRUE
-from graspfn.evaluation.statistics import Resampled, resampled
 
 ALL, GRASPABLE = "all", "graspable"  # blocks of objects
 CELL = ["sigma_theta_deg", "sigma_uv_mm"]
@@ -70,14 +69,3 @@ def per_object(plans: pd.DataFrame) -> pd.DataFrame:
     table = plans.pivot_table(index="id", columns="training_seed", values="success")
     assert not table.isna().any(axis=None)  # every object was tried with every seed
     return table
-
-
-def difference(one: pd.DataFrame, other: pd.DataFrame) -> Resampled | None:
-    """Success of one method less that of another on the same objects, both as `per_object` has them; None without any.
-
-    Paired: training seed by training seed where both have several, else each with the only one of the other.
-    """
-    both = one.index.intersection(other.index)
-    if both.empty:
-        return None
-    return resampled(one.loc[both].to_numpy() - other.loc[both].to_numpy())

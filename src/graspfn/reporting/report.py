@@ -28,7 +28,7 @@ def write_tables(
 ) -> list[layout.Layout]:
     """table{1,2} as .csv, .md and .tex; robustness as .csv and .md; and what `dvc plots` draws of Table 1.
 
-    Returns the layouts of Table 1's means, these by source, Table 1, Table 2 and robustness.
+    Returns the layouts of Table 1's means, its differences, its means by source, Table 1, Table 2 and robustness.
     """
     scale, table2 = inputs.params.scale, tables.table2(inputs.robot_trials)
     means = layout.layout_means(tables1.means, tables.caption_means(tables1.means))
@@ -46,7 +46,9 @@ def write_tables(
     caption = caption_robustness(robustness, inputs.params.disturb, scale)
     third = layout_robustness(robustness, caption)
     (folder / "robustness.md").write_text(layout.to_markdown(third), encoding="utf-8")
-    beside = [means, *sources_of(tables1.sources, inputs)]
+    caption = tables.caption_differences(tables1.differences)
+    gains = layout.layout_differences(tables1.differences, tables.block_names(tables1.cells), caption)
+    beside = [means, gains, *sources_of(tables1.sources, inputs)]
     with (folder / "table1.md").open("a", encoding="utf-8") as file:
         file.writelines("\n" + layout.to_markdown(shown) for shown in beside)
     return [*beside, *laid_out.values(), third]

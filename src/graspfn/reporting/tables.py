@@ -13,6 +13,7 @@ from graspfn.evaluation.planner import TRUE
 from graspfn.evaluation.statistics import proportion, resampled_rate
 from graspfn.planning.methods import BEST, LIKELIEST, METHODS
 from graspfn.reporting import paper
+from graspfn.reporting.differences import EXPECTED, differences
 from graspfn.reporting.plans import ALL, CELL, GRASPABLE, blocks, per_object
 from graspfn.robot.trial import INJECTED
 
@@ -159,15 +160,17 @@ def by_source(plans: pd.DataFrame, source: Mapping[str, str]) -> pd.DataFrame:
 
 @dataclass(frozen=True, eq=False)
 class Tables1:
-    """Table 1 (TABLE_1_COLUMNS), the means over its cells, and those for each source of test objects."""
+    """Table 1 (TABLE_1_COLUMNS), the means over its cells, those for each source of test objects, and differences."""
 
     cells: pd.DataFrame
     means: pd.DataFrame
     sources: pd.DataFrame
+    differences: pd.DataFrame
 
     @classmethod
     def of(cls, plans: pd.DataFrame, graspable: Collection[str], source: Mapping[str, str]) -> Tables1:
-        return cls(table1(plans, graspable), means1(plans, graspable), by_source(plans, source))
+        cells, means = table1(plans, graspable), means1(plans, graspable)
+        return cls(cells, means, by_source(plans, source), differences(plans, graspable))
 
 
 def table2(robot_trials: pd.DataFrame) -> pd.DataFrame:
@@ -279,11 +282,32 @@ def caption_means(table: pd.DataFrame) -> str:
     )
 
 
+def caption_differences(table: pd.DataFrame) -> str:
+    """What stands under the differences; table: of `differences`."""
+    known = table.loc[table["by"] == EXPECTED, "objects"]
+    judged = f", those of {int(known.max()):,} labelled objects" if len(known) else ""
+    return (
+        "Differences between methods in Table 1, paired object by object: by trials, and as expected of the same "
+        f"commanded poses by the labelled attempts{judged}, which no draw of chance blurs. The ceiling is Robust Best "
+        "Grasp with the true function, tried alone. Last column: the cells whose interval lies above 0. "
+        f"Brackets: {what_intervals_hold(table)}."
+    )
+
+
+def _few_labelled(table: pd.DataFrame) -> str:
+    """Of how many objects of each source the true function is known, where not of all; table: of `by_source`."""
+    known = table[table["network"] == TRUE].groupby("source")["objects"].max()
+    if known.empty or known.equals(table.groupby("source")["objects"].max()[known.index]):
+        return ""
+    return f"The true function is known of {', '.join(f'{n} of {source}' for source, n in known.items())}. "
+
+
 def caption_sources(table: pd.DataFrame, learned_from: Collection[str]) -> str:
     """What stands under the means by source; table: of `by_source`; learned_from: the sources of training objects."""
     return (
         "Means over all cells of Table 1 for the test objects of each source, with their number. The networks learned "
-        f"from objects of {', '.join(sorted(learned_from))}. Brackets: {what_intervals_hold(table)}."
+        f"from objects of {', '.join(sorted(learned_from))}. {_few_labelled(table)}"
+        f"Brackets: {what_intervals_hold(table)}."
     )
 
 
