@@ -1,0 +1,286 @@
+"""How much a network learns: from how many objects, in how many steps, pre-trained or not (docs/learning.md).
+
+    python benchmarks/learning.py --objects 32 100 320 983 --seeds 0 1 2
+    python benchmarks/learning.py --pretrain 600 --set width=16
+    python benchmarks/learning.py --judge data/networks/fcn-0 --views
+
+In a folder where stage augment ran and test objects are labelled. Trains on the first so many objects of one shuffled
+order, one core a run, then judges what is predicted of the graspable test objects, by their labels. Runs are kept in
+.scratch/learning and trained once, so that several commands may share the work; each prints the lines of its runs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import itertools
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import torch
+from objects import committed
+from scipy.ndimage import map_coordinates
+from torch.nn import functional
+
+from graspfn.evaluation.expected import Attempts, expected_success
+from graspfn.evaluation.objects import PlacedObjects, Placement
+from graspfn.geometry import grid
+from graspfn.geometry.transforms import move_pose, unmove_pose
+from graspfn.imaging.camera import Camera
+from graspfn.imaging.noise import observe
+from graspfn.imaging.sight import Sight, look
+from graspfn.learning.dataset import Samples, inputs_of
+from graspfn.learning.folder import input_kind
+from graspfn.learning.networks import build_network
+from graspfn.learning.prediction import expected_scores, predict
+from graspfn.learning.pretraining import class_indices, pretrain
+from graspfn.learning.targets import CLASSES, ClassTargets, GraspTargets
+from graspfn.learning.training import Descent, fit, grasp_loss, resources
+from graspfn.learning.weights import load_network, save_network
+from graspfn.meshes.store import read_manifest
+from graspfn.params import Network, Params, Pretrain
+from graspfn.planning.centroid import centroid_grasp, object_mask
+from graspfn.planning.methods import best_grasp, robust_best_grasp
+from graspfn.planning.objects import where_met
+from graspfn.planning.robust import RobustFunction
+from graspfn.planning.uncertainty import PoseUncertainty
+from graspfn.seeds import generator
+from graspfn.workflow.files import read_npz
+
+DATA, KEPT = Path("data"), Path(".scratch/learning")
+CELLS = ((5, 10), (10, 20), (20, 10), (20, 40))  # mm, degrees
+BATCH = 16
+SURE = 0.8  # score whose average precision is asked for
+SPOKEN_FOR = 0.05  # predicted scores from which on calibration counts: nearly all others are 0 and right
+BINS = 10
+LONG = 2.0  # length over width of objects whose angle is judged
+FOLDS = 5
+
+
+def binomial_loss(logits: torch.Tensor, scores: torch.Tensor) -> torch.Tensor:
+    """Of the attempts that held, given the expected score; arguments as of `grasp_loss`."""
+    rate, _ = expected_scores(logits)
+    return functional.binary_cross_entropy(rate.clamp(1e-6, 1 - 1e-6), scores / (CLASSES - 1))
+
+
+LOSSES = {"classes": grasp_loss, "binomial": binomial_loss}
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Tested:
+    """A test object: as it is seen, where it stands, and what was attempted on it."""
+
+    source: str
+    sight: Sight
+    placement: Placement
+    attempts: Attempts
+
+    def success(self, q: np.ndarray | None, cell: tuple[float, float], attempts: Attempts | None = None) -> float:
+        """To expect of a pose (3,) of the image."""
+        if q is None:
+            return 0.0
+        unmoved = unmove_pose(q, self.placement.shift_uv, self.placement.theta)
+        return expected_success(unmoved, cell[0] / 1e3, np.radians(cell[1]), attempts or self.attempts).value
+
+
+def graspable(params: Params, kind: str) -> Iterator[Tested]:
+    """The labelled test objects that some attempt holds, as networks with this input see them."""
+    objects, images = PlacedObjects(DATA), np.load(DATA / "images/test.npy", mmap_mode="r")
+    camera, source = Camera.from_params(params.camera), sources("test")
+    for name in objects.names:
+        attempts = objects.attempts(name)
+        if attempts is None or not attempts.held.all(axis=-1).any():
+            continue
+        placement = objects.placement(name)
+        image = observe(images[placement.row], params.noise, params.seed, name)
+        yield Tested(source[name], look(image, camera, kind, params.table), placement, attempts)
+
+
+def sources(split: str) -> dict[str, str]:
+    """Where each object comes from."""
+    manifest = read_manifest(DATA / "objects" / split)
+    return dict(zip(manifest["id"], manifest["source"], strict=True))
+
+
+def at(f: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """f (33, 44, 6) at poses (..., 3), trilinear; theta wraps."""
+    wrapped = np.concatenate([f, f[..., :1]], axis=-1)
+    index = np.atleast_2d(grid.to_index(q))
+    return map_coordinates(wrapped, np.moveaxis(index, -1, 0), order=1, cval=0.0)
+
+
+def successes(tested: Sequence[Tested], functions: Sequence[np.ndarray], params: Params) -> dict[str, float]:
+    """What to expect of each method, the mean over CELLS; of Robust Best Grasp by source as well."""
+    found: dict[str, list[float]] = {"centroid": [], "best": [], "robust": []}
+    for one, f in zip(tested, functions, strict=True):
+        best, centroid = best_grasp(f, np.random.default_rng(0)), centroid_grasp(one.sight.seen)
+        for cell in CELLS:
+            robust = robust_best_grasp(RobustFunction(f, PoseUncertainty.of(*cell)), params.plan)
+            for method, q in (("centroid", centroid), ("best", best), ("robust", robust)):
+                found[method].append(one.success(q, cell))
+    means = {method: float(np.mean(values)) for method, values in found.items()}
+    per_object = pd.DataFrame(np.reshape(found["robust"], (len(tested), len(CELLS))).mean(axis=1), columns=["robust"])
+    by_source = per_object.groupby([one.source for one in tested])["robust"].mean()
+    return means | {f"robust {source}": float(value) for source, value in by_source.items()}
+
+
+def ceiling(tested: Sequence[Tested], params: Params) -> float:
+    """Of Robust Best Grasp by the attempts themselves: planned by all but every fifth, judged by those left out."""
+    values = []
+    for one in tested:
+        n = one.attempts.held.shape[-1]
+        for out in range(FOLDS):
+            judge = np.arange(n) % FOLDS == out
+            f = one.attempts.held[..., ~judge].mean(axis=-1)
+            left = Attempts(one.attempts.q[..., judge, :], one.attempts.held[..., judge])
+            for cell in CELLS:
+                q = robust_best_grasp(RobustFunction(f, PoseUncertainty.of(*cell)), params.plan)
+                moved = None if q is None else move_pose(q, one.placement.shift_uv, one.placement.theta)
+                with np.errstate(invalid="ignore", divide="ignore"):  # of its standard error, from one attempt a cell
+                    values.append(one.success(moved, cell, left))
+    return float(np.mean(values))
+
+
+def average_precision(scores: np.ndarray, positive: np.ndarray) -> float:
+    """Area under precision over recall, (N,) each; the scores' order is all that counts."""
+    ranked = positive[np.argsort(-scores, kind="stable")]
+    precision = np.cumsum(ranked) / np.arange(1, len(ranked) + 1)
+    return float(precision[ranked].mean())
+
+
+def of_function(tested: Sequence[Tested], functions: Sequence[np.ndarray]) -> dict[str, float]:
+    """The function's own numbers, pose by pose of the labels."""
+    predicted, true, chosen, turned = [], [], [], []
+    for one, f in zip(tested, functions, strict=True):
+        where = one.placement.shift_uv, one.placement.theta
+        rates = one.attempts.held.mean(axis=-1)
+        predicted.append(at(f, move_pose(grid.poses(), *where)).ravel())
+        true.append(rates.ravel())
+        best, centroid = best_grasp(f, np.random.default_rng(0)), centroid_grasp(one.sight.seen)
+        chosen.append(0.0 if best is None else at(rates, unmove_pose(best, *where)).item())
+        if best is not None and centroid is not None and elongation(object_mask(one.sight.seen)) >= LONG:
+            turned.append(abs(float(grid.angle_difference(best[2], centroid[2]))))
+    scores, rates = np.concatenate(predicted), np.concatenate(true)
+    spoken = scores >= SPOKEN_FOR
+    bins = np.minimum((scores[spoken] * BINS).astype(int), BINS - 1)
+    gaps = pd.DataFrame({"bin": bins, "gap": scores[spoken] - rates[spoken]}).groupby("bin")["gap"]
+    return {
+        "average_precision": average_precision(scores, rates >= SURE),
+        "score_at_best": float(np.mean(chosen)),
+        "calibration_error": float((gaps.mean().abs() * gaps.size()).sum() / spoken.sum()),
+        "turned_deg": float(np.degrees(np.mean(turned))) if turned else float("nan"),
+    }
+
+
+def elongation(mask: np.ndarray) -> float:
+    """Length over width of what (132, 176) bool shows, as of a rectangle with its spreads."""
+    spreads = np.linalg.eigvalsh(np.cov(np.argwhere(mask), rowvar=False))
+    return float(np.sqrt(spreads[1] / max(spreads[0], 1e-9)))
+
+
+def seen_by(folder: Path, inputs: np.ndarray, views: bool) -> np.ndarray:
+    """(M, 33, 44, 6) of a network; views: the mean of what it says of an image and of its three reflections."""
+    network = load_network(folder)
+    if not views:
+        return predict(network, inputs)
+    back = (-np.arange(grid.SHAPE[2])) % grid.SHAPE[2]
+    total = np.zeros((len(inputs), *grid.SHAPE), np.float32)
+    flips: tuple[tuple[int, ...], ...] = ((), (-2,), (-1,), (-2, -1))  # of the image's axes
+    for flipped in flips:
+        f = predict(network, np.flip(inputs, flipped))
+        f = np.flip(f, tuple(axis - 1 for axis in flipped))
+        total += f[..., back] if len(flipped) == 1 else f
+    return total / 4
+
+
+def judge(folders: Sequence[Path], params: Params, views: bool) -> dict[str, float]:
+    """All numbers of a network, or of the mean of the functions of several."""
+    kinds = {input_kind(folder) for folder in folders}
+    assert len(kinds) == 1, "networks judged together see the same"
+    tested = list(graspable(params, kinds.pop()))
+    inputs = np.stack([one.sight.inputs for one in tested])
+    scores = np.mean([seen_by(folder, inputs, views) for folder in folders], axis=0)
+    functions = [where_met(f, one.sight.seen, params.gripper) for f, one in zip(scores, tested, strict=True)]
+    return {"tested": len(tested)} | successes(tested, functions, params) | of_function(tested, functions)
+
+
+def learnt(settings: dict[str, Any], network: Network, params: Params) -> Path:
+    """The folder of a network trained as `settings` say."""
+    folder = KEPT / ",".join(f"{key}={value}" for key, value in settings.items())
+    if (folder / "weights.safetensors").exists():
+        return folder
+    labels, table = read_npz(DATA / "labels/train.npz"), pd.read_parquet(DATA / "augmentation.parquet")
+    index = pd.read_parquet(DATA / "images/train.parquet")
+    place = {name: i for i, name in enumerate(labels["ids"].tolist())}
+    source, wanted = sources("train"), settings.get("source")
+    rows = [row for row, name in enumerate(index["id"]) if name in place and wanted in (None, source[name])]
+    rows = sorted(generator(0, "learning").permutation(rows)[: settings["objects"]].tolist())
+    table = table[table["row"].isin(rows)].reset_index(drop=True)
+    table["mirrored"] &= not settings["plain"]
+    inputs = inputs_of(network.input, DATA / "images", table, Camera.from_params(params.camera), params.noise)
+    seed, run = settings["seed"], folder.name
+    model = build_network(network, seed)
+    if settings["pretrain"]:
+        classes, names = class_indices(index["class"].tolist())
+        samples = Samples(table, inputs, ClassTargets(classes, table))
+        length = Pretrain(settings["pretrain"] * BATCH / len(table), BATCH)
+        scratch = resources(params.compute, f"learning-pretrain-{run}")
+        pretrain(model, samples, names, length, network, seed, scratch)
+    successes = np.stack([labels["successes"][place[index["id"][row]]] for row in rows])
+    numbered = table.assign(row=np.searchsorted(rows, table["row"]))
+    targets = GraspTargets(successes, int(labels["attempts"]), numbered)
+    samples = Samples(table, inputs, targets)
+    model.set_prior(targets.class_frequencies())
+    epochs = settings["steps"] * BATCH / len(table)
+    descent = Descent("train", seed, epochs, BATCH, network.learning_rate, network.weight_decay)
+    fit(model, LOSSES[settings["loss"]], samples, descent, resources(params.compute, f"learning-{run}"))
+    save_network(folder, model, network)
+    return folder
+
+
+def changed(network: Network, settings: Sequence[str]) -> Network:
+    """With `key=value` put in."""
+    pairs = (setting.split("=") for setting in settings)
+    return dataclasses.replace(network, **{key: type(getattr(network, key))(value) for key, value in pairs})
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--network", default="fcn", help="of params.yaml")
+    parser.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", help="of the network's parameters")
+    parser.add_argument("--objects", type=int, nargs="+", default=[1_000_000])
+    parser.add_argument("--source", help="train on objects of this source alone")
+    parser.add_argument("--steps", type=int, nargs="+", default=[2000])
+    parser.add_argument("--pretrain", type=int, default=0, help="steps of pre-training")
+    parser.add_argument("--loss", choices=LOSSES, default="classes")
+    parser.add_argument("--plain", action="store_true", help="no sample is seen in a mirror")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0])
+    parser.add_argument("--views", action="store_true", help="predict as the mean over an image's reflections")
+    parser.add_argument("--judge", type=Path, nargs="+", default=[], help="networks to judge, the mean of several")
+    parser.add_argument("--ceiling", action="store_true", help="judge the labels themselves")
+    arguments = parser.parse_args()
+    params = committed()
+    if arguments.ceiling:
+        print(f"true function: {ceiling(list(graspable(params, 'height_map')), params):.4f}")
+        return
+    if arguments.judge:
+        print(json.dumps(judge(arguments.judge, params, arguments.views)))
+        return
+    params = dataclasses.replace(params, compute=dataclasses.replace(params.compute, loaders=0))
+    network = changed(params.network[arguments.network], arguments.set)
+    for objects, steps, seed in itertools.product(arguments.objects, arguments.steps, arguments.seeds):
+        settings = {"network": arguments.network, **dict(one.split("=") for one in arguments.set)}
+        settings |= {"objects": objects, "steps": steps, "pretrain": arguments.pretrain, "seed": seed}
+        settings |= {"loss": arguments.loss, "plain": arguments.plain}
+        settings |= {"source": arguments.source} if arguments.source else {}
+        folder = learnt(settings, network, params)
+        line = settings | {"views": arguments.views} | judge([folder], params, arguments.views)
+        print(json.dumps(line), flush=True)
+
+
+if __name__ == "__main__":
+    main()
