@@ -37,7 +37,7 @@ def binned(attempts: Attempts, finer: int) -> tuple[np.ndarray, np.ndarray]:
     total = int(size.prod())
     held = np.bincount(flat, attempts.held.ravel(), total).reshape(size)
     made = np.bincount(flat, minlength=total).reshape(size).astype(float)
-    each = np.ones((FINEST // finer,) * 3)
+    each = np.full((FINEST // finer,) * 3, (finer / FINEST) ** 3)
     return np.kron(held, each), np.kron(made, each)
 
 

@@ -1,0 +1,62 @@
+"""What benchmarks/learning.py and benchmarks/resolution.py judge by."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from graspfn.evaluation.expected import Attempts
+from graspfn.geometry import grid
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+import learning
+import resolution
+
+
+def test_average_precision_is_one_of_a_perfect_order_and_the_base_rate_of_none():
+    rng = np.random.default_rng(0)
+    positive = rng.random(20000) < 0.1
+    assert learning.average_precision(positive + rng.random(20000) / 2, positive) == 1
+    assert learning.average_precision(rng.random(20000), positive) == pytest.approx(0.1, abs=0.01)
+    # Ranks 1 and 3 of four: (1/1 + 2/3) / 2.
+    ranked = learning.average_precision(np.array([0.9, 0.8, 0.7, 0.1]), np.array([True, False, True, False]))
+    assert ranked == pytest.approx(5 / 6)
+
+
+def test_a_function_is_read_between_its_poses_and_wraps():
+    f = np.random.default_rng(0).random(grid.SHAPE)
+    assert np.allclose(learning.at(f, grid.poses()), f)
+    between = grid.from_index(np.array([3, 5, 5.5]))
+    assert learning.at(f, between).item() == pytest.approx((f[3, 5, 5] + f[3, 5, 0]) / 2)
+
+
+def test_elongation_is_the_ratio_of_a_rectangles_sides():
+    mask = np.zeros((132, 176), dtype=bool)
+    mask[40:60, 50:110] = True
+    assert learning.elongation(mask) == pytest.approx(3, rel=0.01)
+
+
+def test_the_binomial_loss_is_least_at_the_rate():
+    scores = torch.full((1, 1, 1, 1), 2.0)  # two of five
+
+    def loss(share):
+        logits = torch.tensor([1 - share, 0, 0, 0, 0, share]).clamp(min=1e-9).log().view(1, 1, 1, 1, 6)
+        return learning.binomial_loss(logits, scores).item()
+
+    assert min((0.2, 0.3, 0.4, 0.5, 0.6), key=loss) == 0.4
+
+
+@pytest.mark.parametrize("finer", resolution.FINER)
+def test_binning_keeps_every_attempt_and_finds_the_middle_of_what_holds(finer):
+    q = grid.sample_cells(4, np.random.default_rng(0))
+    centre = np.array([0.013, -0.022, 0.4])
+    turned = abs(grid.angle_difference(q[..., 2], np.full((), centre[2])))
+    held = (np.linalg.norm(q[..., :2] - centre[:2], axis=-1) < 0.03) & (turned < np.radians(50))
+    attempts = Attempts(q, held)
+    in_bins, made = resolution.binned(attempts, finer)
+    assert in_bins.sum() == pytest.approx(held.sum()) and made.sum() == pytest.approx(held.size)
+    found = resolution.best_pose(in_bins, made, (10, 20))
+    assert abs(found[:2] - centre[:2]).max() < 0.006
+    assert abs(grid.angle_difference(found[2], centre[2])) < np.radians(12)
