@@ -26,6 +26,7 @@ from objects import committed
 from scipy.ndimage import map_coordinates
 from torch.nn import functional
 
+from graspfn.compose import compose
 from graspfn.evaluation.expected import Attempts, expected_success
 from graspfn.evaluation.objects import PlacedObjects, Placement
 from graspfn.geometry import grid
@@ -42,7 +43,7 @@ from graspfn.learning.targets import CLASSES, ClassTargets, GraspTargets
 from graspfn.learning.training import Descent, fit, grasp_loss, resources
 from graspfn.learning.weights import load_network, save_network
 from graspfn.meshes.store import read_manifest
-from graspfn.params import Network, Params, Pretrain
+from graspfn.params import Network, Params, Pretrain, validate
 from graspfn.planning.centroid import centroid_grasp, object_mask
 from graspfn.planning.methods import best_grasp, robust_best_grasp
 from graspfn.planning.objects import where_met
@@ -221,7 +222,8 @@ def learnt(settings: dict[str, Any], network: Network, params: Params) -> Path:
     rows = sorted(generator(0, "learning").permutation(rows)[: settings["objects"]].tolist())
     table = table[table["row"].isin(rows)].reset_index(drop=True)
     table["mirrored"] &= not settings["plain"]
-    inputs = inputs_of(network.input, DATA / "images", table, Camera.from_params(params.camera), params.noise)
+    noise = validate(compose([f"noise={settings['noise']}"])).noise if "noise" in settings else params.noise
+    inputs = inputs_of(network.input, DATA / "images", table, Camera.from_params(params.camera), noise)
     seed, run = settings["seed"], folder.name
     model = build_network(network, seed)
     if settings["pretrain"]:
@@ -257,6 +259,7 @@ def main() -> None:
     parser.add_argument("--steps", type=int, nargs="+", default=[2000])
     parser.add_argument("--pretrain", type=int, default=0, help="steps of pre-training")
     parser.add_argument("--loss", choices=LOSSES, default="classes")
+    parser.add_argument("--noise", help="of training, a choice of conf/noise")
     parser.add_argument("--plain", action="store_true", help="no sample is seen in a mirror")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
     parser.add_argument("--views", action="store_true", help="predict as the mean over an image's reflections")
@@ -276,7 +279,7 @@ def main() -> None:
         settings = {"network": arguments.network, **dict(one.split("=") for one in arguments.set)}
         settings |= {"objects": objects, "steps": steps, "pretrain": arguments.pretrain, "seed": seed}
         settings |= {"loss": arguments.loss, "plain": arguments.plain}
-        settings |= {"source": arguments.source} if arguments.source else {}
+        settings |= {key: value for key in ("source", "noise") if (value := getattr(arguments, key))}
         folder = learnt(settings, network, params)
         line = settings | {"views": arguments.views} | judge([folder], params, arguments.views)
         print(json.dumps(line), flush=True)
