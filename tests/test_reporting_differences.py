@@ -75,8 +75,8 @@ def test_the_table_counts_the_cells_that_are_surely_above_zero(plans):
     (block,) = layout.layout_differences(table, names, "").blocks
     rows = {row.name: row.cells for row in block.rows}
     own = table[(table["network"] == "fcn") & (table["by"] == TRIALS) & table["sigma_uv_mm"].notna()]
-    for comparison, name in (("robust_minus_best", "Robust − best"), ("best_minus_centroid", "Best − centroid")):
+    for comparison, name in (("robust_minus_best", "Robust − Best"), ("best_minus_centroid", "Best − Centroid")):
         lines = own[own["comparison"] == comparison]
         assert rows[f"{name} (fcn), by trials"][-1].rate == f"{(lines['ci_low'] > 0).sum()} of {len(lines)}"
-    assert (own["ci_low"] > 0).any() and rows["Robust − best (fcn), by trials"][-2].rate == "+0.200"
+    assert (own["ci_low"] > 0).any() and rows["Robust − Best (fcn), by trials"][-2].rate == "+0.200"
     assert not any(TRUE in name for name in rows)

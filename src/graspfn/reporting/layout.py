@@ -164,7 +164,7 @@ def layout_differences(table: pd.DataFrame, block_heads: Mapping[str, str], capt
             above = int((lines["ci_low"] > 0).sum() - (pooled["ci_low"] > 0).sum())
             values = [_gain(found.get(cell)) for cell in cells]
             values += [_gain(pooled.iloc[0]), Cell(f"{above} of {len(cells)}")]
-            name = f"{comparison.replace('_minus_', ' − ').capitalize()} ({network}), {JUDGED[by]}"
+            name = f"{comparison.replace('_minus_', ' − ').title()} ({network}), {JUDGED[by]}"
             rows.append(Row(name, tuple(values), ours=True, first=by == TRIALS))
         blocks.append(Block(heading, tuple(rows)))
     groups = (*_by_angle(cells), ("all cells", ("mean", "above 0")))
