@@ -129,21 +129,19 @@ def successes(tested: Sequence[Tested], functions: Sequence[np.ndarray], params:
     return means | {f"robust {source}": float(value) for source, value in by_source.items()}
 
 
-def ceiling(tested: Sequence[Tested], params: Params) -> float:
+def ceiling(tested: Sequence[Tested], cells: Sequence[tuple[float, float]], params: Params) -> pd.Series:
     """Of Robust Best Grasp by the attempts themselves: planned by all but every fifth, judged by those left out."""
-    values = []
+    lines = []
     for one in tested:
-        n = one.attempts.held.shape[-1]
-        for out in range(FOLDS):
-            judge = np.arange(n) % FOLDS == out
-            f = one.attempts.held[..., ~judge].mean(axis=-1)
-            left = Attempts(one.attempts.q[..., judge, :], one.attempts.held[..., judge])
-            for cell in CELLS:
-                q = robust_best_grasp(RobustFunction(f, PoseUncertainty.of(*cell)), params.plan)
-                moved = None if q is None else move_pose(q, one.placement.shift_uv, one.placement.theta)
-                with np.errstate(invalid="ignore", divide="ignore"):  # of its standard error, from one attempt a cell
-                    values.append(one.success(moved, cell, left))
-    return float(np.mean(values))
+        part = np.arange(one.attempts.held.shape[-1]) % FOLDS
+        for out, cell in itertools.product(range(FOLDS), cells):
+            f = one.attempts.held[..., part != out].mean(axis=-1)
+            left = Attempts(one.attempts.q[..., part == out, :], one.attempts.held[..., part == out])
+            q = robust_best_grasp(RobustFunction(f, PoseUncertainty.of(*cell)), params.plan)
+            moved = None if q is None else move_pose(q, one.placement.shift_uv, one.placement.theta)
+            with np.errstate(invalid="ignore", divide="ignore"):  # of its standard error, from one attempt a cell
+                lines.append((*cell, one.success(moved, cell, left)))
+    return pd.DataFrame(lines, columns=["uv", "theta", "success"]).groupby(["theta", "uv"])["success"].mean()
 
 
 def average_precision(scores: np.ndarray, positive: np.ndarray) -> float:
@@ -264,11 +262,14 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
     parser.add_argument("--views", action="store_true", help="predict as the mean over an image's reflections")
     parser.add_argument("--judge", type=Path, nargs="+", default=[], help="networks to judge, the mean of several")
-    parser.add_argument("--ceiling", action="store_true", help="judge the labels themselves")
+    parser.add_argument("--ceiling", action="store_true", help="judge the labels themselves, cell by cell")
     arguments = parser.parse_args()
     params = committed()
     if arguments.ceiling:
-        print(f"true function: {ceiling(list(graspable(params, 'height_map')), params):.4f}")
+        cells = itertools.product(params.evaluate.sigma_uv_mm, params.evaluate.sigma_theta_deg)
+        found = ceiling(list(graspable(params, "height_map")), list(cells), params)
+        own = found.loc[[(theta, uv) for uv, theta in CELLS]]
+        print(f"{found.round(4).to_string()}\nof CELLS {own.mean():.4f}, of all {found.mean():.4f}")
         return
     if arguments.judge:
         print(json.dumps(judge(arguments.judge, params, arguments.views)))
