@@ -28,6 +28,11 @@ def gain(found: Numbers) -> str:
     return f"{found['value']:+.3f}".replace("-", "−") + interval(found, digits=3)
 
 
+def _expected(found: Numbers) -> str:
+    """The same difference by the labels, where they are known."""
+    return f" ({gain(found['expected'])} as the labels lead one to expect)" if "expected" in found else ""
+
+
 def trained(block: Numbers) -> dict[str, Numbers]:
     """The networks of a block of metrics.json's table1, best Robust Best Grasp first."""
     networks = {name: entry for name, entry in block.items() if isinstance(entry, Mapping) and name != slug(TRUE)}
@@ -45,7 +50,8 @@ def results_sentence(metrics: Numbers) -> str:
     text = (
         f"On {whom[0].lower()}{whom[1:]}, Robust Best Grasp of `{network}` succeeds in {robust['mean_success']:.3f}"
         f"{interval(robust)} of its trials, mean over the cells of Table 1: {gain(entry['robust_minus_best'])} against "
-        f"Best Grasp and {gain(entry['robust_minus_centroid'])} against Centroid, the floor"
+        f"Best Grasp{_expected(entry['robust_minus_best'])} and {gain(entry['robust_minus_centroid'])} against "
+        f"Centroid, the floor{_expected(entry['robust_minus_centroid'])}"
     )
     ceiling = block.get(slug(TRUE), {}).get("robust_best_grasp")
     if ceiling and "ceiling_minus_robust" in entry:
