@@ -44,6 +44,7 @@ from graspfn.learning.training import Descent, fit, grasp_loss, resources
 from graspfn.learning.weights import load_network, save_network
 from graspfn.meshes.store import read_manifest
 from graspfn.params import Network, Params, Pretrain, validate
+from graspfn.physics.labelling import held
 from graspfn.planning.centroid import centroid_grasp, object_mask
 from graspfn.planning.methods import best_grasp, robust_best_grasp
 from graspfn.planning.objects import where_met
@@ -68,7 +69,53 @@ def binomial_loss(logits: torch.Tensor, scores: torch.Tensor) -> torch.Tensor:
     return functional.binary_cross_entropy(rate.clamp(1e-6, 1 - 1e-6), scores / (CLASSES - 1))
 
 
-LOSSES = {"classes": grasp_loss, "binomial": binomial_loss}
+def attempts_loss(logits: torch.Tensor, counts: torch.Tensor) -> torch.Tensor:
+    """Of every attempt as it ended; counts (B, 2, 33, 44, 6) float32: held and made in each cell."""
+    rate, _ = expected_scores(logits)
+    rate = rate.clamp(1e-6, 1 - 1e-6)
+    held, made = counts.unbind(dim=1)
+    return -(held * rate.log() + (made - held) * (1 - rate).log()).sum() / made.sum()
+
+
+LOSSES = {"classes": grasp_loss, "binomial": binomial_loss, "attempts": attempts_loss}
+
+
+class AttemptTargets:
+    """Attempts held and made in each cell of Q, (B, 2, 33, 44, 6) float32, after the motion of each line of a table.
+
+    Every attempt moves with its object and counts in the cell that it comes to: nothing is interpolated, so that no
+    label is blurred. Where nothing was attempted, beyond Q as the object was labelled, nothing is held.
+    held: (N, 33, 44, 6, n) bool; seeds: (N,), from which the attempts' poses follow.
+    """
+
+    def __init__(self, held: np.ndarray, seeds: np.ndarray, table: pd.DataFrame):
+        self.held, self.seeds, self.table = held, seeds, table
+        self.half = np.array([grid.SHAPE[1], grid.SHAPE[0]]) * grid.CELL_M / 2
+
+    def batch(self, indices: list[int]) -> torch.Tensor:
+        return torch.from_numpy(np.stack([self.counts(index) for index in indices]))
+
+    def counts(self, index: int) -> np.ndarray:
+        line = self.table.iloc[index]
+        row, shift, theta = int(line["row"]), np.array([line["shift_u_m"], line["shift_v_m"]]), line["theta_rad"]
+        kept = self.held[row] & (not line["empty"])
+        n = kept.shape[-1]
+        q = move_pose(grid.sample_cells(n, np.random.default_rng(self.seeds[row])), shift, theta)
+        if line["mirrored"]:
+            q = q * [1, -1, -1]
+        at = np.rint(grid.to_index(q)).astype(int)
+        at[..., 2] %= grid.SHAPE[2]
+        inside = ((at >= 0) & (at < grid.SHAPE)).all(axis=-1)
+        flat = np.ravel_multi_index(tuple(at[inside].T), grid.SHAPE)
+        total = int(np.prod(grid.SHAPE))
+        counts = [np.bincount(flat, weights, total) for weights in (kept[inside].astype(float), None)]
+        poses = grid.poses() * ([1, -1, -1] if line["mirrored"] else [1, 1, 1])
+        beyond = (abs(unmove_pose(poses, shift, theta)[..., :2]) > self.half).any(axis=-1)
+        counts[1] = np.maximum(counts[1], n * beyond.ravel())
+        return np.stack(counts).reshape(2, *grid.SHAPE).astype(np.float32)
+
+    def source(self) -> np.ndarray:
+        return np.packbits(self.held)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -233,8 +280,11 @@ def learnt(settings: dict[str, Any], network: Network, params: Params) -> Path:
     successes = np.stack([labels["successes"][place[index["id"][row]]] for row in rows])
     numbered = table.assign(row=np.searchsorted(rows, table["row"]))
     targets = GraspTargets(successes, int(labels["attempts"]), numbered)
-    samples = Samples(table, inputs, targets)
     model.set_prior(targets.class_frequencies())
+    if settings["loss"] == "attempts":
+        at = [place[index["id"][row]] for row in rows]
+        targets = AttemptTargets(held(labels["outcomes"][at]), labels["seeds"][at], numbered)  # type: ignore[assignment]
+    samples = Samples(table, inputs, targets)
     epochs = settings["steps"] * BATCH / len(table)
     descent = Descent("train", seed, epochs, BATCH, network.learning_rate, network.weight_decay)
     fit(model, LOSSES[settings["loss"]], samples, descent, resources(params.compute, f"learning-{run}"))

@@ -4,11 +4,13 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 
 from graspfn.evaluation.expected import Attempts
 from graspfn.geometry import grid
+from graspfn.learning.targets import GraspTargets
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 import learning
@@ -60,3 +62,23 @@ def test_binning_keeps_every_attempt_and_finds_the_middle_of_what_holds(finer):
     found = resolution.best_pose(in_bins, made, (10, 20))
     assert abs(found[:2] - centre[:2]).max() < 0.006
     assert abs(grid.angle_difference(found[2], centre[2])) < np.radians(12)
+
+
+def test_attempts_that_move_are_neither_lost_nor_blurred():
+    """Against the labels' own interpolation, which is unbiased too; unmoved they are the labels themselves."""
+    seeds, rng = np.array([3, 4]), np.random.default_rng(0)
+    held = np.zeros((2, *grid.SHAPE, 5), dtype=bool)
+    held[:, 12:20, 18:27, 1:4] = rng.random((2, 8, 9, 3, 5)) < np.linspace(0.1, 1, 9)[:, None, None]
+    motions = {"shift_u_m": [0, 0.031, 0.03, 0.01], "shift_v_m": [0, 0.02, -0.02, 0], "theta_rad": [0, 0.3, 2.0, 1.0]}
+    flags = {"mirrored": [False, True, False, False], "empty": [False, False, False, True]}
+    table = pd.DataFrame({"row": [0, 1, 0, 0], **motions, **flags, "noise_seed": 0})
+    counts = learning.AttemptTargets(held, seeds, table).batch(range(4)).numpy()
+    successes = held.sum(axis=-1).astype(np.uint8)
+    moved = GraspTargets(successes, 5, table).batch(list(range(4))).numpy() / 5
+    assert np.array_equal(counts[0], [successes[0], np.full(grid.SHAPE, 5)])
+    for i, row in ((1, 1), (2, 0)):
+        assert counts[i, 0].sum() == successes[row].sum()
+        shares = counts[i, 0] / counts[i, 1].clip(1)
+        assert np.corrcoef(shares.ravel(), moved[i].ravel())[0, 1] > 0.85
+        assert shares.max() == 1 and counts[i, 1].min() >= 0
+    assert counts[3, 0].sum() == 0 and counts[3, 1].sum() > 0

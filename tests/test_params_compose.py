@@ -33,6 +33,7 @@ COUNTS = {
     "evaluate.errors_per_object",
     "disturb.objects",
     "disturb.errors_per_object",
+    "training_seeds",
     "augment.samples",
     "pretrain.epochs",
     "train.epochs",
