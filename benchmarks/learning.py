@@ -15,7 +15,8 @@ import argparse
 import dataclasses
 import itertools
 import json
-from collections.abc import Iterator, Sequence
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,6 @@ import numpy as np
 import pandas as pd
 import torch
 from objects import committed
-from scipy.ndimage import map_coordinates
 from torch.nn import functional
 
 from graspfn.compose import compose
@@ -34,6 +34,7 @@ from graspfn.geometry.transforms import move_pose, unmove_pose
 from graspfn.imaging.camera import Camera
 from graspfn.imaging.noise import observe
 from graspfn.imaging.sight import Sight, look
+from graspfn.imaging.warp import sample_function
 from graspfn.learning.dataset import Samples, inputs_of
 from graspfn.learning.folder import input_kind
 from graspfn.learning.networks import build_network
@@ -127,16 +128,34 @@ class Tested:
     placement: Placement
     attempts: Attempts
 
-    def success(self, q: np.ndarray | None, cell: tuple[float, float], attempts: Attempts | None = None) -> float:
-        """To expect of a pose (3,) of the image."""
-        if q is None:
-            return 0.0
-        unmoved = unmove_pose(q, self.placement.shift_uv, self.placement.theta)
-        return expected_success(unmoved, cell[0] / 1e3, np.radians(cell[1]), attempts or self.attempts).value
+    def success(self, q: np.ndarray | None, cell: tuple[float, float]) -> float:
+        """To expect of a pose (3,) of the image; 0 of None."""
+        placed = self.placement
+        return success(None if q is None else unmove_pose(q, placed.shift_uv, placed.theta), cell, self.attempts)
+
+
+def success(q: np.ndarray | None, cell: tuple[float, float], attempts: Attempts) -> float:
+    """To expect of a pose (3,) about the object as it was labelled; 0 of None."""
+    if q is None:
+        return 0.0
+    with warnings.catch_warnings():  # of its standard error, where there is one attempt a cell
+        warnings.simplefilter("ignore", RuntimeWarning)
+        return expected_success(q, cell[0] / 1e3, np.radians(cell[1]), attempts).value
+
+
+def left_out(attempts: Attempts) -> Iterator[tuple[Attempts, Attempts]]:
+    """All but every fifth attempt, to plan by, and those left out, to judge by; FOLDS times."""
+
+    def only(some: np.ndarray) -> Attempts:
+        return Attempts(attempts.q[..., some, :], attempts.held[..., some])
+
+    part = np.arange(attempts.held.shape[-1]) % FOLDS
+    for out in range(FOLDS):
+        yield only(part != out), only(part == out)
 
 
 def graspable(params: Params, kind: str) -> Iterator[Tested]:
-    """The labelled test objects that some attempt holds, as networks with this input see them."""
+    """The labelled test objects with a pose at which every attempt held, as networks with this input see them."""
     objects, images = PlacedObjects(DATA), np.load(DATA / "images/test.npy", mmap_mode="r")
     camera, source = Camera.from_params(params.camera), sources("test")
     for name in objects.names:
@@ -152,13 +171,6 @@ def sources(split: str) -> dict[str, str]:
     """Where each object comes from."""
     manifest = read_manifest(DATA / "objects" / split)
     return dict(zip(manifest["id"], manifest["source"], strict=True))
-
-
-def at(f: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """f (33, 44, 6) at poses (..., 3), trilinear; theta wraps."""
-    wrapped = np.concatenate([f, f[..., :1]], axis=-1)
-    index = np.atleast_2d(grid.to_index(q))
-    return map_coordinates(wrapped, np.moveaxis(index, -1, 0), order=1, cval=0.0)
 
 
 def successes(tested: Sequence[Tested], functions: Sequence[np.ndarray], params: Params) -> dict[str, float]:
@@ -180,14 +192,11 @@ def ceiling(tested: Sequence[Tested], cells: Sequence[tuple[float, float]], para
     """Of Robust Best Grasp by the attempts themselves: planned by all but every fifth, judged by those left out."""
     lines = []
     for one in tested:
-        part = np.arange(one.attempts.held.shape[-1]) % FOLDS
-        for out, cell in itertools.product(range(FOLDS), cells):
-            f = one.attempts.held[..., part != out].mean(axis=-1)
-            left = Attempts(one.attempts.q[..., part == out, :], one.attempts.held[..., part == out])
-            q = robust_best_grasp(RobustFunction(f, PoseUncertainty.of(*cell)), params.plan)
-            moved = None if q is None else move_pose(q, one.placement.shift_uv, one.placement.theta)
-            with np.errstate(invalid="ignore", divide="ignore"):  # of its standard error, from one attempt a cell
-                lines.append((*cell, one.success(moved, cell, left)))
+        for kept, left in left_out(one.attempts):
+            f = kept.held.mean(axis=-1)
+            for cell in cells:
+                q = robust_best_grasp(RobustFunction(f, PoseUncertainty.of(*cell)), params.plan)
+                lines.append((*cell, success(q, cell, left)))
     return pd.DataFrame(lines, columns=["uv", "theta", "success"]).groupby(["theta", "uv"])["success"].mean()
 
 
@@ -204,10 +213,10 @@ def of_function(tested: Sequence[Tested], functions: Sequence[np.ndarray]) -> di
     for one, f in zip(tested, functions, strict=True):
         where = one.placement.shift_uv, one.placement.theta
         rates = one.attempts.held.mean(axis=-1)
-        predicted.append(at(f, move_pose(grid.poses(), *where)).ravel())
+        predicted.append(sample_function(f, move_pose(grid.poses(), *where)).ravel())
         true.append(rates.ravel())
         best, centroid = best_grasp(f, np.random.default_rng(0)), centroid_grasp(one.sight.seen)
-        chosen.append(0.0 if best is None else at(rates, unmove_pose(best, *where)).item())
+        chosen.append(0.0 if best is None else sample_function(rates, unmove_pose(best, *where)).item())
         if best is not None and centroid is not None and elongation(object_mask(one.sight.seen)) >= LONG:
             turned.append(abs(float(grid.angle_difference(best[2], centroid[2]))))
     scores, rates = np.concatenate(predicted), np.concatenate(true)
@@ -282,8 +291,8 @@ def learnt(settings: dict[str, Any], network: Network, params: Params) -> Path:
     targets = GraspTargets(successes, int(labels["attempts"]), numbered)
     model.set_prior(targets.class_frequencies())
     if settings["loss"] == "attempts":
-        at = [place[index["id"][row]] for row in rows]
-        targets = AttemptTargets(held(labels["outcomes"][at]), labels["seeds"][at], numbered)  # type: ignore[assignment]
+        own = [place[index["id"][row]] for row in rows]
+        targets = AttemptTargets(held(labels["outcomes"][own]), labels["seeds"][own], numbered)  # type: ignore[assignment]
     samples = Samples(table, inputs, targets)
     epochs = settings["steps"] * BATCH / len(table)
     descent = Descent("train", seed, epochs, BATCH, network.learning_rate, network.weight_decay)
@@ -292,10 +301,9 @@ def learnt(settings: dict[str, Any], network: Network, params: Params) -> Path:
     return folder
 
 
-def changed(network: Network, settings: Sequence[str]) -> Network:
-    """With `key=value` put in."""
-    pairs = (setting.split("=") for setting in settings)
-    return dataclasses.replace(network, **{key: type(getattr(network, key))(value) for key, value in pairs})
+def changed(network: Network, settings: Mapping[str, str]) -> Network:
+    """With these values put in."""
+    return dataclasses.replace(network, **{key: type(getattr(network, key))(text) for key, text in settings.items()})
 
 
 def main() -> None:
@@ -325,9 +333,10 @@ def main() -> None:
         print(json.dumps(judge(arguments.judge, params, arguments.views)))
         return
     params = dataclasses.replace(params, compute=dataclasses.replace(params.compute, loaders=0))
-    network = changed(params.network[arguments.network], arguments.set)
+    changes = dict(one.split("=") for one in arguments.set)
+    network = changed(params.network[arguments.network], changes)
     for objects, steps, seed in itertools.product(arguments.objects, arguments.steps, arguments.seeds):
-        settings = {"network": arguments.network, **dict(one.split("=") for one in arguments.set)}
+        settings = {"network": arguments.network, **changes}
         settings |= {"objects": objects, "steps": steps, "pretrain": arguments.pretrain, "seed": seed}
         settings |= {"loss": arguments.loss, "plain": arguments.plain}
         settings |= {key: value for key in ("source", "noise") if (value := getattr(arguments, key))}

@@ -14,13 +14,12 @@ import itertools
 
 import numpy as np
 import pandas as pd
-from learning import CELLS, FOLDS, graspable
+from learning import CELLS, FOLDS, graspable, left_out, success
 from objects import committed
 from scipy.ndimage import gaussian_filter
 
 from graspfn.evaluation.expected import Attempts
 from graspfn.geometry import grid
-from graspfn.geometry.transforms import move_pose
 
 FINEST = 4  # cells of the finest binning to one of Q, along each axis
 FINER = (1, 2, 4)
@@ -57,17 +56,11 @@ def main() -> None:
     folds = parser.parse_args().folds
     lines = []
     for one in graspable(committed(), "height_map"):
-        order = np.arange(one.attempts.held.shape[-1]) % FOLDS
-        for out, finer in itertools.product(range(folds), FINER):
-            kept, left = (
-                Attempts(one.attempts.q[..., part, :], one.attempts.held[..., part])
-                for part in (order != out, order == out)
-            )
+        for (kept, left), finer in itertools.product(itertools.islice(left_out(one.attempts), folds), FINER):
             held, made = binned(kept, finer)
             for cell in CELLS:
-                q = move_pose(best_pose(held, made, cell), one.placement.shift_uv, one.placement.theta)
-                with np.errstate(invalid="ignore", divide="ignore"):  # of its standard error, from one attempt a cell
-                    lines.append({"finer": finer, "cell": str(cell), "success": one.success(q, cell, left)})
+                q = best_pose(held, made, cell)
+                lines.append({"finer": finer, "cell": str(cell), "success": success(q, cell, left)})
     table = pd.DataFrame(lines)
     print(table.pivot_table(index="finer", columns="cell", values="success", margins=True).round(4).to_string())
 
