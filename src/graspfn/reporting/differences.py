@@ -76,15 +76,7 @@ def differences(plans: pd.DataFrame, graspable: Collection[str]) -> pd.DataFrame
                     key = {"objects_of": block, "network": network, "comparison": name, "by": by}
                     for cell, part in parts.items():
                         if found := compared(part, one, other, by):
-                            rows.append(key | dict(zip(CELL, cell, strict=True)) | numbers_of(found))
+                            interval = {"value": found.value, "ci_low": found.low, "ci_high": found.high}
+                            behind = {"objects": found.objects, "networks": found.networks}
+                            rows.append(key | dict(zip(CELL, cell, strict=True)) | interval | behind)
     return pd.DataFrame(rows)
-
-
-def numbers_of(found: Resampled) -> dict[str, Any]:
-    return {
-        "value": found.value,
-        "ci_low": found.low,
-        "ci_high": found.high,
-        "objects": found.objects,
-        "networks": found.networks,
-    }

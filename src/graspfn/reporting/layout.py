@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from graspfn.evaluation.planner import TRUE
-from graspfn.reporting.differences import EXPECTED, SHOWN, TRIALS
+from graspfn.reporting.differences import EXPECTED, SHOWN, TRIALS, cells_of
 from graspfn.reporting.tables import block_names, full_name, kind
 
 BLANK = "–"
@@ -97,8 +97,7 @@ def _named(table: pd.DataFrame) -> pd.DataFrame:
 
 def layout1(table: pd.DataFrame, caption: str) -> Layout:
     """Table 1: columns grouped by sigma_theta, then sigma_uv, as in the paper; a block for each set of objects."""
-    named = _named(table)
-    cells = sorted(set(zip(table["sigma_theta_deg"], table["sigma_uv_mm"], strict=True)))
+    named, cells = _named(table), cells_of(table)
     order = [(uv, theta) for theta, uv in cells]
     blocks = tuple(
         Block(heading, _rows(named[named["objects_of"] == block], order))
@@ -149,21 +148,20 @@ def layout_differences(table: pd.DataFrame, block_heads: Mapping[str, str], capt
     block_heads: as `block_names` has them. The true function's own have no place here.
     """
     shown = table[table["comparison"].isin(SHOWN) & (table["network"] != TRUE)]
-    of_cells = shown[shown["sigma_uv_mm"].notna()]
-    cells = sorted(set(zip(of_cells["sigma_theta_deg"], of_cells["sigma_uv_mm"], strict=True)))
+    cells = cells_of(shown[shown["sigma_uv_mm"].notna()])
     blocks = []
     for block, heading in block_heads.items():
         rows = []
         own = shown[shown["objects_of"] == block]
         for network, comparison, by in itertools.product(dict.fromkeys(own["network"]), SHOWN, JUDGED):
             lines = own[(own["network"] == network) & (own["comparison"] == comparison) & (own["by"] == by)]
-            found = {(line["sigma_theta_deg"], line["sigma_uv_mm"]): line for _, line in lines.iterrows()}
-            pooled = lines[lines["sigma_uv_mm"].isna()]
-            if pooled.empty:
+            if lines.empty:
                 continue
-            above = int((lines["ci_low"] > 0).sum() - (pooled["ci_low"] > 0).sum())
+            of_cells = lines["sigma_uv_mm"].notna()
+            found = {(line["sigma_theta_deg"], line["sigma_uv_mm"]): line for _, line in lines[of_cells].iterrows()}
+            above = (lines[of_cells]["ci_low"] > 0).sum()
             values = [_gain(found.get(cell)) for cell in cells]
-            values += [_gain(pooled.iloc[0]), Cell(f"{above} of {len(cells)}")]
+            values += [_gain(lines[~of_cells].iloc[0]), Cell(f"{above} of {len(cells)}")]
             name = f"{comparison.replace('_minus_', ' − ').title()} ({network}), {JUDGED[by]}"
             rows.append(Row(name, tuple(values), ours=True, first=by == TRIALS))
         blocks.append(Block(heading, tuple(rows)))

@@ -11,7 +11,7 @@ import pandas as pd
 
 from graspfn.evaluation.statistics import Difference, paired_difference
 from graspfn.planning.methods import BEST, ROBUST
-from graspfn.reporting.differences import TRIALS, cells_of
+from graspfn.reporting.differences import TRIALS
 from graspfn.reporting.expectation import check_expected
 from graspfn.reporting.figures.label_outcomes import OUTCOMES
 from graspfn.reporting.inputs import ReportInputs
@@ -59,9 +59,9 @@ def _difference(gain: Difference) -> dict[str, float]:
     return {"value": gain.value, "ci_low": gain.low, "ci_high": gain.high, "pairs": gain.pairs}
 
 
-def _compared(line: Any) -> dict[str, Any]:
-    """A line of `differences`, as a named tuple."""
-    return {key: getattr(line, key) for key in ("value", "ci_low", "ci_high", "objects")}
+def _compared(line: Mapping[Any, Any]) -> dict[str, Any]:
+    """Of a line of `differences`."""
+    return {key: line[key] for key in ("value", "ci_low", "ci_high", "objects")}
 
 
 def _differences(lines: pd.DataFrame) -> dict[str, Any]:
@@ -69,12 +69,11 @@ def _differences(lines: pd.DataFrame) -> dict[str, Any]:
     result: dict[str, Any] = {}
     for (name, by), group in lines.groupby(["comparison", "by"]):
         of_cells = group["sigma_uv_mm"].notna()
-        (pooled,) = group[~of_cells].itertuples()
-        of_each: dict[str, Any] = {}
-        for theta, uv in cells_of(group[of_cells]):
-            (line,) = of_cell(group, uv, theta).itertuples()
-            of_each[cell_name(uv, theta)] = _compared(line)
-        found = _compared(pooled) | {"cells": of_each}
+        (pooled,) = group[~of_cells].to_dict("records")
+        cells = group[of_cells].to_dict("records")
+        found = _compared(pooled) | {
+            "cells": {cell_name(line["sigma_uv_mm"], line["sigma_theta_deg"]): _compared(line) for line in cells}
+        }
         entry = result.setdefault(str(name), {})
         entry |= found if by == TRIALS else {str(by): found}
     return result
