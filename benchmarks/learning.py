@@ -61,7 +61,6 @@ SURE = 0.8  # score whose average precision is asked for
 SPOKEN_FOR = 0.05  # predicted scores from which on calibration counts: nearly all others are 0 and right
 BINS = 10
 LONG = 2.0  # length over width of objects whose angle is judged
-FOLDS = 5
 
 
 def binomial_loss(logits: torch.Tensor, scores: torch.Tensor) -> torch.Tensor:
@@ -143,17 +142,6 @@ def success(q: np.ndarray | None, cell: tuple[float, float], attempts: Attempts)
         return expected_success(q, cell[0] / 1e3, np.radians(cell[1]), attempts).value
 
 
-def left_out(attempts: Attempts) -> Iterator[tuple[Attempts, Attempts]]:
-    """All but every fifth attempt, to plan by, and those left out, to judge by; FOLDS times."""
-
-    def only(some: np.ndarray) -> Attempts:
-        return Attempts(attempts.q[..., some, :], attempts.held[..., some])
-
-    part = np.arange(attempts.held.shape[-1]) % FOLDS
-    for out in range(FOLDS):
-        yield only(part != out), only(part == out)
-
-
 def graspable(params: Params, kind: str) -> Iterator[Tested]:
     """The labelled test objects with a pose at which every attempt held, as networks with this input see them."""
     objects, images = PlacedObjects(DATA), np.load(DATA / "images/test.npy", mmap_mode="r")
@@ -186,18 +174,6 @@ def successes(tested: Sequence[Tested], functions: Sequence[np.ndarray], params:
     per_object = pd.DataFrame(np.reshape(found["robust"], (len(tested), len(CELLS))).mean(axis=1), columns=["robust"])
     by_source = per_object.groupby([one.source for one in tested])["robust"].mean()
     return means | {f"robust {source}": float(value) for source, value in by_source.items()}
-
-
-def ceiling(tested: Sequence[Tested], cells: Sequence[tuple[float, float]], params: Params) -> pd.Series:
-    """Of Robust Best Grasp by the attempts themselves: planned by all but every fifth, judged by those left out."""
-    lines = []
-    for one in tested:
-        for kept, left in left_out(one.attempts):
-            f = kept.held.mean(axis=-1)
-            for cell in cells:
-                q = robust_best_grasp(RobustFunction(f, PoseUncertainty.of(*cell)), params.plan)
-                lines.append((*cell, success(q, cell, left)))
-    return pd.DataFrame(lines, columns=["uv", "theta", "success"]).groupby(["theta", "uv"])["success"].mean()
 
 
 def average_precision(scores: np.ndarray, positive: np.ndarray) -> float:
@@ -320,15 +296,8 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
     parser.add_argument("--views", action="store_true", help="predict as the mean over an image's reflections")
     parser.add_argument("--judge", type=Path, nargs="+", default=[], help="networks to judge, the mean of several")
-    parser.add_argument("--ceiling", action="store_true", help="judge the labels themselves, cell by cell")
     arguments = parser.parse_args()
     params = committed()
-    if arguments.ceiling:
-        cells = itertools.product(params.evaluate.sigma_uv_mm, params.evaluate.sigma_theta_deg)
-        found = ceiling(list(graspable(params, "height_map")), list(cells), params)
-        own = found.loc[[(theta, uv) for uv, theta in CELLS]]
-        print(f"{found.round(4).to_string()}\nof CELLS {own.mean():.4f}, of all {found.mean():.4f}")
-        return
     if arguments.judge:
         print(json.dumps(judge(arguments.judge, params, arguments.views)))
         return

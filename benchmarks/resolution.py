@@ -14,10 +14,11 @@ import itertools
 
 import numpy as np
 import pandas as pd
-from learning import CELLS, FOLDS, graspable, left_out, success
+from learning import CELLS, graspable, success
 from objects import committed
 from scipy.ndimage import gaussian_filter
 
+from graspfn.evaluation.ceiling import FOLDS
 from graspfn.evaluation.expected import Attempts
 from graspfn.geometry import grid
 
@@ -56,8 +57,10 @@ def main() -> None:
     folds = parser.parse_args().folds
     lines = []
     for one in graspable(committed(), "height_map"):
-        for (kept, left), finer in itertools.product(itertools.islice(left_out(one.attempts), folds), FINER):
-            held, made = binned(kept, finer)
+        fold = np.arange(one.attempts.held.shape[-1]) % FOLDS
+        for out, finer in itertools.product(range(folds), FINER):
+            held, made = binned(one.attempts.only(fold != out), finer)
+            left = one.attempts.only(fold == out)
             for cell in CELLS:
                 q = best_pose(held, made, cell)
                 lines.append({"finer": finer, "cell": str(cell), "success": success(q, cell, left)})

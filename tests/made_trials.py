@@ -29,7 +29,7 @@ def simulated_trials(seeds=(0,), cells=CELLS, errors=ERRORS):
     for (uv, theta), ((method, network), held) in itertools.product(cells, HELD.items()):
         for seed in seeds if network == "fcn" else (-1,):
             for i, error in itertools.product(range(LABELLED if network == TRUE else 10), range(errors)):
-                known = i < LABELLED and network != TRUE
+                known = i < LABELLED
                 row = {"id": name(i), "method": method, "network": network, "training_seed": seed, "error": error}
                 row |= {"sigma_uv_mm": uv, "sigma_theta_deg": theta, "success": i < held, "u_m": 0.0}
                 row |= {"promise": np.nan if method == "Centroid" else 0.5, "expected_error": 0.1 if known else np.nan}

@@ -13,8 +13,9 @@ from scipy import stats
 
 from graspfn.evaluation.bench import Bench, Scene
 from graspfn.evaluation.cases import TOP_CLASS
+from graspfn.evaluation.ceiling import ceilings
 from graspfn.evaluation.expected import Attempts, expected_success
-from graspfn.evaluation.planner import TRUE, UNTRAINED, GraspFunction, Planner, promises_of
+from graspfn.evaluation.planner import TRUE, UNTRAINED, GraspFunction, Planner, promises_of, true_function
 from graspfn.evaluation.trials import trials_of_object
 from graspfn.geometry import grid
 from graspfn.geometry.transforms import T_world_scene, move_pose, translation, unmove_pose
@@ -186,14 +187,19 @@ def test_promises_are_the_robust_scores_of_the_poses_and_robust_planning_has_the
         )
 
 
-def test_expected_success_is_of_the_pose_about_the_object_and_not_of_the_true_function():
+def test_expected_success_is_of_the_pose_about_the_object_and_of_the_true_function_that_of_the_ceiling():
     drawn = grid.sample_cells(3, np.random.default_rng(3))
     attempts = Attempts(drawn, (np.abs(drawn[..., :2]) < 0.03).all(axis=-1))
-    functions = [*networks(fcn=peaked((25, 30, 5))), GraspFunction(TRUE, UNTRAINED, peaked((14, 25, 1)))]
+    functions = [*networks(fcn=peaked((25, 30, 5))), true_function(attempts)]
     rows = trials(functions=functions, attempts=attempts).drop_duplicates(
         ["method", "network", "sigma_uv_mm", "sigma_theta_deg"]
     )
-    assert rows.loc[rows["network"] == TRUE, "expected"].isna().all()  # it chose by the very attempts
+    uncertainties = [PoseUncertainty.of(*cell) for cell in CELLS]
+    for cell, known in zip(CELLS, ceilings(scene(), Planner(COARSE, 0), uncertainties, attempts), strict=True):
+        of_cell = (rows["sigma_uv_mm"] == cell[0]) & (rows["sigma_theta_deg"] == cell[1])
+        own = rows[of_cell & (rows["network"] == TRUE)]
+        assert own.set_index("method")["expected"].to_dict() == {m: one.value for m, one in known.items()}
+        assert set(known) == {BEST, ROBUST}
     for row in rows[rows["network"] != TRUE].to_dict("records"):
         sigma = PoseUncertainty.of(row["sigma_uv_mm"], row["sigma_theta_deg"])
         q = unmove_pose(np.array([row["u_m"], row["v_m"], row["theta_rad"]]), SHIFT, THETA)

@@ -4,7 +4,7 @@ from made_trials import LABELLED, TRUE, account, simulated_trials
 
 from graspfn.evaluation.statistics import resampled
 from graspfn.reporting import layout, tables
-from graspfn.reporting.differences import EXPECTED, TRIALS, compared, differences
+from graspfn.reporting.differences import EXPECTED, SHARE, TRIALS, compared, differences, share_of
 from graspfn.reporting.plans import graspable_objects, per_object, plans_of
 
 METHODS = ("Centroid", "Best Grasp", "Robust Best Grasp")
@@ -60,12 +60,32 @@ def test_what_is_expected_is_compared_where_both_poses_are_known(plans):
     assert found.value == pytest.approx((0.1 + 0.4) / 2) and found.objects == 2
 
 
+def test_the_share_of_the_ceiling_is_a_ratio_of_means_with_the_spread_of_one():
+    """fcn holds 7 of the 9 that have a ceiling, it 8; seeds of its own make it vary. Against drawing objects anew."""
+    robust, ceiling = ("Robust Best Grasp", "fcn"), ("Robust Best Grasp", TRUE)
+    plans = plans_of(simulated_trials(seeds=(0, 1)))
+    found = compared(plans, robust, ceiling, share=True)
+    assert found.value == pytest.approx(7 / 8) and (found.objects, found.networks) == (LABELLED, 2)
+    assert compared(plans, robust, ceiling, EXPECTED, share=True).value == pytest.approx(7 / 8)
+    assert compared(plans, ceiling, ceiling, share=True).low == 1  # the same objects above and below
+    rng = np.random.default_rng(0)
+    whole = rng.random((300, 1)) < 0.7
+    part = np.where(rng.random((300, 1)) < 0.1, rng.random((300, 1)) < 0.5, whole)
+    interval = share_of(part.astype(float), whole.astype(float))
+    drawn = rng.integers(0, 300, (4000, 300))
+    spread = (part[drawn].mean(axis=(1, 2)) / whole[drawn].mean(axis=(1, 2))).std()
+    assert interval.high - interval.value == pytest.approx(1.968 * spread, rel=0.05)
+    assert share_of(part * 0.0, whole * 0.0) is None
+
+
 def test_every_cell_has_a_line_and_all_together_one_that_is_their_mean(plans):
     table = differences(plans, graspable_objects(account(), 5))
     keys = ["objects_of", "network", "comparison", "by"]
     for _, lines in table[table["by"] == TRIALS].groupby(keys):
         pooled = lines["sigma_uv_mm"].isna()
-        assert pooled.sum() == 1 and lines[~pooled]["value"].mean() == pytest.approx(lines[pooled]["value"].item())
+        assert pooled.sum() == 1
+        if (lines["comparison"] != SHARE).all():
+            assert lines[~pooled]["value"].mean() == pytest.approx(lines[pooled]["value"].item())
     assert not table.duplicated([*keys, "sigma_theta_deg", "sigma_uv_mm"]).any()
 
 
@@ -80,3 +100,5 @@ def test_the_table_counts_the_cells_that_are_surely_above_zero(plans):
         assert rows[f"{name} (fcn), by trials"][-1].rate == f"{(lines['ci_low'] > 0).sum()} of {len(lines)}"
     assert (own["ci_low"] > 0).any() and rows["Robust − Best (fcn), by trials"][-2].rate == "+0.200"
     assert not any(TRUE in name for name in rows)
+    assert rows["Robust / Ceiling (fcn), as expected"][-2].rate == "0.875"  # no sign, and nothing to be above 0
+    assert rows["Robust / Ceiling (fcn), as expected"][-1].rate == layout.BLANK

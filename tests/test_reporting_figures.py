@@ -335,6 +335,8 @@ def test_expected_and_trials_that_agree_differ_by_chance_alone():
     worse = expectation.check_expected(own.assign(expected=own["expected"].clip(0.1, 0.8) + 0.15))
     assert worse.ci_low > 0 and worse.chi2 > check.chi2
     assert worse.difference > check.difference
+    # Of the true function it is of other poses than were tried, so that it is no check.
+    assert expectation.check_expected(pd.concat([own, PLANS[PLANS["network"] == TRUE]])) == check
 
 
 def test_sizes_count_every_object_once_by_its_fate():

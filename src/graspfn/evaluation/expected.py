@@ -33,6 +33,9 @@ class Expected:
     effective: float
 
 
+UNKNOWN = Expected(np.nan, np.nan, 0.0)
+
+
 @dataclass(frozen=True, eq=False)
 class Attempts:
     """The attempts of one object's labels.
@@ -43,11 +46,18 @@ class Attempts:
     q: np.ndarray
     held: np.ndarray
 
+    def only(self, some: np.ndarray) -> Attempts:
+        """Those of every cell for which some (n,) is True."""
+        return Attempts(self.q[..., some, :], self.held[..., some])
+
 
 def expected_success(q: np.ndarray, sigma_uv_m: float, sigma_theta_rad: float, attempts: Attempts) -> Expected:
-    """Of commanding pose q (3,) under N(q, diag(sigma_uv^2, sigma_uv^2, sigma_theta^2)), both sigmas above 0."""
+    """Of commanding pose q (3,) under N(q, diag(sigma_uv^2, sigma_uv^2, sigma_theta^2)), both sigmas above 0.
+
+    q may be (n, 3), a pose for each attempt of a cell to judge; it is then the mean over these poses.
+    """
     assert attempts.q.shape[:3] == grid.SHAPE and attempts.q.shape[:4] == attempts.held.shape
-    inside = _mass_within_q(q, sigma_uv_m)
+    inside = float(_mass_within_q(q, sigma_uv_m).mean())
     if inside < BEYOND:
         return Expected(0.0, 0.0, float(attempts.held.size))
     near = _near(q, sigma_uv_m)
@@ -64,11 +74,10 @@ def expected_success(q: np.ndarray, sigma_uv_m: float, sigma_theta_rad: float, a
 
 
 def _near(q: np.ndarray, sigma_uv_m: float) -> tuple[slice, slice]:
-    """The cells along v and u within six standard deviations of q: all that has weight."""
-    v, u, _ = grid.to_index(q)
+    """The cells along v and u within six standard deviations of poses q (..., 3): all that has weight."""
+    v, u, _ = np.moveaxis(grid.to_index(q), -1, 0)
     reach = 6 * sigma_uv_m / grid.CELL_M + 1
-    low = [max(0, int(np.floor(at - reach))) for at in (v, u)]
-    return slice(low[0], max(0, int(v + reach)) + 1), slice(low[1], max(0, int(u + reach)) + 1)
+    return tuple(slice(max(0, int(np.floor(at.min() - reach))), max(0, int(at.max() + reach)) + 1) for at in (v, u))  # type: ignore[return-value]
 
 
 def _density(offset: np.ndarray, sigma_uv_m: float, sigma_theta_rad: float) -> np.ndarray:
@@ -79,7 +88,8 @@ def _density(offset: np.ndarray, sigma_uv_m: float, sigma_theta_rad: float) -> n
     return uv * sum(np.exp(-0.5 * (angle / sigma_theta_rad) ** 2) for angle in turns)
 
 
-def _mass_within_q(q: np.ndarray, sigma_uv_m: float) -> float:
-    """Probability of reaching a pose in the cells of Q."""
+def _mass_within_q(q: np.ndarray, sigma_uv_m: float) -> np.ndarray:
+    """Probability (...) of reaching a pose in the cells of Q from poses q (..., 3)."""
     half = np.array([grid.SHAPE[1], grid.SHAPE[0]]) * grid.CELL_M / 2
-    return float(np.prod(ndtr((half - q[:2]) / sigma_uv_m) - ndtr((-half - q[:2]) / sigma_uv_m)))
+    uv = q[..., :2]
+    return np.prod(ndtr((half - uv) / sigma_uv_m) - ndtr((-half - uv) / sigma_uv_m), axis=-1)

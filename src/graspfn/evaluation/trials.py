@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from graspfn.evaluation.bench import Bench, Scene
-from graspfn.evaluation.expected import Attempts, Expected, expected_success
+from graspfn.evaluation.ceiling import ceilings
+from graspfn.evaluation.expected import UNKNOWN, Attempts, Expected, expected_success
 from graspfn.evaluation.planner import TRUE, GraspFunction, Planned, Planner
 from graspfn.planning.uncertainty import PoseUncertainty
 from graspfn.seeds import generator
 
 NO_GRASP = "no grasp"  # outcome of a trial without a pose to try: a failure
 NOWHERE = np.full(3, np.nan)
-UNKNOWN = Expected(np.nan, np.nan, 0.0)
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,8 @@ class Line:
     """What tables say of every plan.
 
     u_m, v_m, theta_rad: the commanded pose; expected: its success by the object's own attempts, with its standard error
-    and the attempts that it rests on. NaN where there is none.
+    and the attempts that it rests on; of Table 1's true function that of poses planned without the attempts that judge
+    them (`ceiling`). NaN where there is none.
     """
 
     id: str
@@ -74,12 +75,15 @@ def trials_of_object(
     """
     uncertainties = [PoseUncertainty.of(*cell) for cell in cells]
     plans = planner.plans(scene, functions, uncertainties)
-    return [
-        trial
-        for cell, uncertainty, of_cell in zip(cells, uncertainties, plans, strict=True)
-        for planned in of_cell
-        for trial in _trials(scene, bench, planned, cell, uncertainty, errors, attempts)
-    ]
+    by_labels = [{}] * len(cells) if attempts is None else ceilings(scene, planner, uncertainties, attempts)
+    found: list[Trial] = []
+    for cell, uncertainty, of_cell, own in zip(cells, uncertainties, plans, by_labels, strict=True):
+        for planned in of_cell:
+            expected = expectation(scene, planned, uncertainty, attempts)
+            if planned.network == TRUE:
+                expected = own.get(planned.method, UNKNOWN)
+            found += _trials(scene, bench, planned, cell, uncertainty, errors, expected)
+    return found
 
 
 def _trials(
@@ -89,9 +93,8 @@ def _trials(
     cell: tuple[float, float],
     uncertainty: PoseUncertainty,
     errors: np.ndarray,
-    attempts: Attempts | None,
+    expected: Expected,
 ) -> Iterator[Trial]:
-    expected = expectation(scene, planned, uncertainty, attempts)
     for i, error in enumerate(errors):
         reached, held, outcome = NOWHERE, False, NO_GRASP
         if planned.q is not None:

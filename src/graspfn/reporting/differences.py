@@ -1,4 +1,4 @@
-"""Differences between the methods of Table 1: by trials, and by what the labels lead one to expect of the same poses.
+"""Methods of Table 1 against each other: by trials, and by what the labels lead one to expect of the same poses.
 
 A trial is a draw of chance, and one or a few for each object leave a difference of 0.02 in a single cell undecided.
 What is expected of a pose rests on all attempts near it (evaluation/expected.py), for labelled objects alone.
@@ -6,6 +6,7 @@ What is expected of a pose rests on all attempts near it (evaluation/expected.py
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Collection
 from typing import Any
 
@@ -19,11 +20,12 @@ from graspfn.reporting.plans import CELL, blocks, of_cell, of_method
 
 Method = tuple[str, str]  # a method and its network
 TRIALS, EXPECTED = "success", "expected"  # columns of plans
-SHOWN = ("robust_minus_best", "best_minus_centroid", "ceiling_minus_robust")
+SHARE = "robust_over_ceiling"  # the one comparison that is no difference
+SHOWN = ("robust_minus_best", "best_minus_centroid", "ceiling_minus_robust", SHARE)
 
 
 def comparisons(network: str) -> dict[str, tuple[Method, Method]]:
-    """The differences of a network that Table 1 is about: the first less the second."""
+    """What Table 1 is about, of a network: the first less the second; of SHARE, the first over the second."""
     best, robust, floor = (BEST, network), (ROBUST, network), (CENTROID, "")
     found = {
         "robust_minus_best": (robust, best),
@@ -33,11 +35,14 @@ def comparisons(network: str) -> dict[str, tuple[Method, Method]]:
     if network == TRUE:
         return found
     likeliest, ceiling = (LIKELIEST, network), (ROBUST, TRUE)
-    return found | {"robust_minus_likeliest": (robust, likeliest), "ceiling_minus_robust": (ceiling, robust)}
+    found |= {"robust_minus_likeliest": (robust, likeliest), "ceiling_minus_robust": (ceiling, robust)}
+    return found | {SHARE: (robust, ceiling)}
 
 
-def compared(plans: pd.DataFrame, one: Method, other: Method, by: str = TRIALS) -> Resampled | None:
-    """One method less another, mean over the plans' cells; None where they share no object.
+def compared(
+    plans: pd.DataFrame, one: Method, other: Method, by: str = TRIALS, share: bool = False
+) -> Resampled | None:
+    """One method less another, or its share of the other, mean over the plans' cells; None where they share no object.
 
     by: TRIALS, or EXPECTED, where what is known of only one of two poses is left out. Paired: object by object, cell by
     cell, and training seed by training seed where both have several, else each with the only one of the other.
@@ -47,12 +52,22 @@ def compared(plans: pd.DataFrame, one: Method, other: Method, by: str = TRIALS) 
         for method in (one, other)
     ]
     both = wide[0].index.intersection(wide[1].index)
-    gaps = wide[0].loc[both].to_numpy() - wide[1].loc[both].to_numpy()
-    known = ~np.isnan(gaps).any(axis=1)
+    first, second = np.broadcast_arrays(*(table.loc[both].to_numpy() for table in wide))
+    known = ~np.isnan(first + second).any(axis=1)
     if not known.any():
         return None
     objects = both[known].get_level_values("id")
-    return resampled(pd.DataFrame(gaps[known]).groupby(objects).mean().to_numpy())
+    first, second = (pd.DataFrame(part[known]).groupby(objects).mean().to_numpy() for part in (first, second))
+    return share_of(first, second) if share else resampled(first - second)
+
+
+def share_of(part: np.ndarray, whole: np.ndarray) -> Resampled | None:
+    """Mean of part over mean of whole, (objects, networks) each, by the ratio's derivatives; None of nothing."""
+    if not whole.mean():
+        return None
+    ratio = part.mean() / whole.mean()
+    found = resampled((part - ratio * whole) / whole.mean())
+    return dataclasses.replace(found, value=float(ratio), low=ratio + found.low, high=ratio + found.high)
 
 
 def cells_of(plans: pd.DataFrame) -> list[tuple[float, float]]:
@@ -75,7 +90,7 @@ def differences(plans: pd.DataFrame, graspable: Collection[str]) -> pd.DataFrame
                 for by in (TRIALS, EXPECTED):
                     key = {"objects_of": block, "network": network, "comparison": name, "by": by}
                     for cell, part in parts.items():
-                        if found := compared(part, one, other, by):
+                        if found := compared(part, one, other, by, share=name == SHARE):
                             interval = {"value": found.value, "ci_low": found.low, "ci_high": found.high}
                             behind = {"objects": found.objects, "networks": found.networks}
                             rows.append(key | dict(zip(CELL, cell, strict=True)) | interval | behind)

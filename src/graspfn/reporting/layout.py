@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from graspfn.evaluation.planner import TRUE
-from graspfn.reporting.differences import EXPECTED, SHOWN, TRIALS, cells_of
+from graspfn.reporting.differences import EXPECTED, SHARE, SHOWN, TRIALS, cells_of
 from graspfn.reporting.tables import block_names, full_name, kind
 
 BLANK = "–"
@@ -114,11 +114,12 @@ def _by_angle(cells: list[tuple[float, float]]) -> tuple[tuple[str, tuple[str, .
     )
 
 
-def _gain(line: pd.Series | None) -> Cell:
-    """A difference with its sign."""
+def _compared(line: pd.Series | None) -> Cell:
+    """A difference with its sign, or a share."""
     if line is None:
         return Cell(BLANK)
-    value, low, high = (f"{line[key]:+.3f}".replace("-", "−") for key in ("value", "ci_low", "ci_high"))
+    sign = "" if line["comparison"] == SHARE else "+"
+    value, low, high = (f"{line[key]:{sign}.3f}".replace("-", "−") for key in ("value", "ci_low", "ci_high"))
     return Cell(value, f"[{low}, {high}]")
 
 
@@ -159,10 +160,11 @@ def layout_differences(table: pd.DataFrame, block_heads: Mapping[str, str], capt
                 continue
             of_cells = lines["sigma_uv_mm"].notna()
             found = {(line["sigma_theta_deg"], line["sigma_uv_mm"]): line for _, line in lines[of_cells].iterrows()}
-            above = (lines[of_cells]["ci_low"] > 0).sum()
-            values = [_gain(found.get(cell)) for cell in cells]
-            values += [_gain(lines[~of_cells].iloc[0]), Cell(f"{above} of {len(cells)}")]
-            name = f"{comparison.replace('_minus_', ' − ').title()} ({network}), {JUDGED[by]}"
+            above = f"{(lines[of_cells]['ci_low'] > 0).sum()} of {len(cells)}"
+            values = [_compared(found.get(cell)) for cell in cells]
+            values += [_compared(lines[~of_cells].iloc[0]), Cell(BLANK if comparison == SHARE else above)]
+            words = comparison.replace("_minus_", " − ").replace("_over_", " / ").title()
+            name = f"{words} ({network}), {JUDGED[by]}"
             rows.append(Row(name, tuple(values), ours=True, first=by == TRIALS))
         blocks.append(Block(heading, tuple(rows)))
     groups = (*_by_angle(cells), ("all cells", ("mean", "above 0")))

@@ -8,6 +8,7 @@ from typing import Any
 from graspfn.evaluation.planner import TRUE
 from graspfn.planning.methods import ROBUST
 from graspfn.reporting import paper
+from graspfn.reporting.differences import EXPECTED, SHARE
 from graspfn.reporting.metrics import slug
 from graspfn.reporting.plans import block_to_show
 from graspfn.reporting.tables import block_name
@@ -30,7 +31,16 @@ def gain(found: Numbers) -> str:
 
 def _expected(found: Numbers) -> str:
     """The same difference by the labels, where they are known."""
-    return f" ({gain(found['expected'])} as the labels lead one to expect)" if "expected" in found else ""
+    return f" ({gain(found[EXPECTED])} as the labels lead one to expect)" if EXPECTED in found else ""
+
+
+def _share(found: Numbers | None) -> str:
+    """How much of the ceiling is reached by the labels, in all cells and in the worst; found: of SHARE."""
+    if found is None or EXPECTED not in found:
+        return ""
+    value, cells = found[EXPECTED]["value"], found[EXPECTED]["cells"].values()
+    least = min(cells, key=lambda cell: cell["value"])
+    return f", of which {ROBUST} has {value:.3f} by the labels, {least['value']:.3f}{interval(least)} in the worst cell"
 
 
 def trained(block: Numbers) -> dict[str, Numbers]:
@@ -55,7 +65,9 @@ def results_sentence(metrics: Numbers) -> str:
     )
     ceiling = block.get(slug(TRUE), {}).get("robust_best_grasp")
     if ceiling and "ceiling_minus_robust" in entry:
-        text += f"; the true grasp function, the ceiling, reaches {ceiling['mean_success']:.3f}"
+        text += (
+            f"; the true grasp function, the ceiling, reaches {ceiling['mean_success']:.3f}{_share(entry.get(SHARE))}"
+        )
     text += "."
     if HEADLINE in robust:
         text += f" At σuv = 5 mm, σθ = 10° it succeeds in {robust[HEADLINE]['value']:.3f}"

@@ -277,7 +277,7 @@ def caption_means(table: pd.DataFrame) -> str:
     return (
         "Means over all cells of Table 1. Promise: the robust score of the commanded pose, by the function that "
         "planned it. Expected: the success of that pose by the object's own labelled attempts, of labelled objects and "
-        "where enough attempts lie near; none for the true function, which is made of them. "
+        "where enough attempts lie near; of the true function, of poses planned without the attempts that judge them. "
         f"Brackets: {what_intervals_hold(table)}."
     )
 
@@ -287,9 +287,10 @@ def caption_differences(table: pd.DataFrame) -> str:
     known = table.loc[table["by"] == EXPECTED, "objects"]
     judged = f", those of {int(known.max()):,} labelled objects" if len(known) else ""
     return (
-        "Differences between methods in Table 1, paired object by object: by trials, and as expected of the same "
+        "Methods in Table 1 against each other, paired object by object: by trials, and as expected of the same "
         f"commanded poses by the labelled attempts{judged}, which no draw of chance blurs. The ceiling is Robust Best "
-        "Grasp with the true function, tried alone. Last column: the cells whose interval lies above 0. "
+        "Grasp with the true function; as expected, planned without the attempts that judge it. Robust / Ceiling: the "
+        "share of it that is reached. Last column: the cells whose interval lies above 0. "
         f"Brackets: {what_intervals_hold(table)}."
     )
 

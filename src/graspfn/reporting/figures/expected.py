@@ -55,7 +55,7 @@ def plates(table1: pd.DataFrame, plans: pd.DataFrame) -> Iterator[Plate]:
         f"Bars: one standard error, given the objects. Expected less seen is {check.difference:+.3f} "
         f"[{check.ci_low:+.3f}, {check.ci_high:+.3f}] over {check.objects:,} objects; χ² = {check.chi2:.0f} of "
         f"{check.points:,} marks, which are not independent, since methods and cells share their errors.{left} "
-        f"{floor_and_ceiling(table1)}The ceiling is not shown: nothing is expected of what was chosen by the same "
-        "attempts.".replace("-", "−"),
+        f"{floor_and_ceiling(table1)}The ceiling is not shown: what is expected of it is of poses planned without the "
+        "attempts that judge them, others than were tried.".replace("-", "−"),
         draw_expected_against_trials(table),
     )
