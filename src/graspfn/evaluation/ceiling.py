@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from graspfn.evaluation.bench import Scene
-from graspfn.evaluation.expected import UNKNOWN, Attempts, Expected, expected_success
+from graspfn.evaluation.expected import Attempts, Expected, expected_under
 from graspfn.evaluation.planner import TRUE, Planner, true_function
 from graspfn.planning.uncertainty import PoseUncertainty
 
@@ -49,10 +49,7 @@ def _judged(
     attempts: Attempts,
 ) -> Expected:
     """Of a pose (3,) of the image for each fold, by the attempts of the fold."""
-    if not uncertainty.spreads or uncertainty.sigmas is None:
-        return UNKNOWN
     found = [scene.unmoved(q) for q in poses if q is not None]
     if len(found) < len(poses):  # all that ever held is in one fold, and it judges what was planned without it
         return Expected(0.0, 0.0, float(attempts.held.size))
-    sigma_uv, _, sigma_theta = uncertainty.sigmas
-    return expected_success(np.stack(found)[fold], sigma_uv, sigma_theta, attempts)
+    return expected_under(np.stack(found)[fold], uncertainty, attempts)

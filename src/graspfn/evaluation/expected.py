@@ -14,6 +14,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from graspfn.geometry import grid
+from graspfn.planning.uncertainty import PoseUncertainty
 
 FEW = 10.0  # effective attempts, below which an estimate of one object says little
 BEYOND = 1e-6  # of the reached poses within Q: what was attempted says nothing, and nothing of the object is there
@@ -71,6 +72,14 @@ def expected_success(q: np.ndarray, sigma_uv_m: float, sigma_theta_rad: float, a
     n = held.shape[-1]
     variance = n * residuals.var(axis=-1, ddof=1).sum() / total**2
     return Expected(inside * ratio, inside * float(np.sqrt(variance)), float(total**2 / (weights**2).sum()))
+
+
+def expected_under(q: np.ndarray, uncertainty: PoseUncertainty, attempts: Attempts) -> Expected:
+    """The same for errors that do not correlate; UNKNOWN where an axis is certain: no attempt lies just there."""
+    if uncertainty.sigmas is None or not uncertainty.spreads:
+        return UNKNOWN
+    sigma_uv, _, sigma_theta = uncertainty.sigmas
+    return expected_success(q, sigma_uv, sigma_theta, attempts)
 
 
 def _near(q: np.ndarray, sigma_uv_m: float) -> tuple[slice, slice]:

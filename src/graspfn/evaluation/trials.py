@@ -10,7 +10,7 @@ import numpy as np
 
 from graspfn.evaluation.bench import Bench, Scene
 from graspfn.evaluation.ceiling import ceilings
-from graspfn.evaluation.expected import UNKNOWN, Attempts, Expected, expected_success
+from graspfn.evaluation.expected import UNKNOWN, Attempts, Expected, expected_under
 from graspfn.evaluation.planner import TRUE, GraspFunction, Planned, Planner
 from graspfn.planning.uncertainty import PoseUncertainty
 from graspfn.seeds import generator
@@ -137,8 +137,6 @@ def errors_of(name: str, count: int, seed: int) -> np.ndarray:
 
 def expectation(scene: Scene, planned: Planned, uncertainty: PoseUncertainty, attempts: Attempts | None) -> Expected:
     """What the object's attempts say; nothing of its true function, which was made of them and chose by them."""
-    if planned.q is None or attempts is None or planned.network == TRUE or not uncertainty.spreads:
+    if planned.q is None or attempts is None or planned.network == TRUE:
         return UNKNOWN
-    assert uncertainty.sigmas is not None  # a cell's
-    sigma_uv, _, sigma_theta = uncertainty.sigmas
-    return expected_success(scene.unmoved(planned.q), sigma_uv, sigma_theta, attempts)
+    return expected_under(scene.unmoved(planned.q), uncertainty, attempts)
