@@ -10,7 +10,6 @@ import torch
 
 from graspfn.evaluation.expected import Attempts
 from graspfn.geometry import grid
-from graspfn.imaging.warp import sample_function
 from graspfn.learning.targets import GraspTargets
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
@@ -26,13 +25,6 @@ def test_average_precision_is_one_of_a_perfect_order_and_the_base_rate_of_none()
     # Ranks 1 and 3 of four: (1/1 + 2/3) / 2.
     ranked = learning.average_precision(np.array([0.9, 0.8, 0.7, 0.1]), np.array([True, False, True, False]))
     assert ranked == pytest.approx(5 / 6)
-
-
-def test_a_function_is_read_between_its_poses_and_wraps():
-    f = np.random.default_rng(0).random(grid.SHAPE)
-    assert np.allclose(sample_function(f, grid.poses()), f)
-    between = grid.from_index(np.array([3, 5, 5.5]))
-    assert sample_function(f, between).item() == pytest.approx((f[3, 5, 5] + f[3, 5, 0]) / 2)
 
 
 def test_elongation_is_the_ratio_of_a_rectangles_sides():

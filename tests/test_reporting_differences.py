@@ -61,7 +61,7 @@ def test_what_is_expected_is_compared_where_both_poses_are_known(plans):
 
 
 def test_the_share_of_the_ceiling_is_a_ratio_of_means_with_the_spread_of_one():
-    """fcn holds 7 of the 9 that have a ceiling, it 8; seeds of its own make it vary. Against drawing objects anew."""
+    """fcn holds 7 of the 9 that have a ceiling, it 8. The spread is that of drawing objects and networks anew."""
     robust, ceiling = ("Robust Best Grasp", "fcn"), ("Robust Best Grasp", TRUE)
     plans = plans_of(simulated_trials(seeds=(0, 1)))
     found = compared(plans, robust, ceiling, share=True)
@@ -69,13 +69,23 @@ def test_the_share_of_the_ceiling_is_a_ratio_of_means_with_the_spread_of_one():
     assert compared(plans, robust, ceiling, EXPECTED, share=True).value == pytest.approx(7 / 8)
     assert compared(plans, ceiling, ceiling, share=True).low == 1  # the same objects above and below
     rng = np.random.default_rng(0)
-    whole = rng.random((300, 1)) < 0.7
-    part = np.where(rng.random((300, 1)) < 0.1, rng.random((300, 1)) < 0.5, whole)
-    interval = share_of(part.astype(float), whole.astype(float))
-    drawn = rng.integers(0, 300, (4000, 300))
+    whole = np.broadcast_to(rng.random((300, 1)) < 0.7, (300, 3)).astype(float)
+    part = np.where(rng.random((300, 3)) < 0.1, rng.random((300, 3)) < 0.5, whole) * [0.9, 1.0, 0.95]
+    interval = share_of(part, whole)
+    drawn = rng.integers(0, 300, (4000, 300, 1)), rng.integers(0, 3, (4000, 1, 3))
     spread = (part[drawn].mean(axis=(1, 2)) / whole[drawn].mean(axis=(1, 2))).std()
     assert interval.high - interval.value == pytest.approx(1.968 * spread, rel=0.05)
+    assert interval.value == part.mean() / whole.mean() and interval.networks == 3
     assert share_of(part * 0.0, whole * 0.0) is None
+
+
+def test_the_share_of_all_cells_is_that_of_the_means(plans):
+    """What is expected of fcn falls by half in one cell: of the means that is an eighth, in that cell a half."""
+    cell = (plans["sigma_theta_deg"] == 10.0) & (plans["sigma_uv_mm"] == 5.0)
+    fcn = (plans["network"] == "fcn") & (plans["method"] == "Robust Best Grasp")
+    table = differences(plans.assign(expected=plans["expected"].where(~(cell & fcn), plans["expected"] / 2)), ())
+    lines = table[(table["comparison"] == SHARE) & (table["by"] == EXPECTED)]
+    assert lines["value"].tolist() == pytest.approx([7 / 16, 7 / 8, 7 / 8, 7 / 8, 7 / 8 * 7 / 8])
 
 
 def test_every_cell_has_a_line_and_all_together_one_that_is_their_mean(plans):

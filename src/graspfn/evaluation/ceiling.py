@@ -1,9 +1,10 @@
 """What to expect of planning by an object's own labels, the ceiling of every network: cross-fitted, no new physics.
 
 The pose that attempts lead to was chosen by their luck, and judged by them it seems better than it is. So every attempt
-judges the pose that was planned without it, without all attempts of its fold. That is planned by a few attempts less
-than the ceiling is in trials, and so holds a little less often. Standard errors are those of independent attempts; but
-attempts also choose the poses that others judge, which makes them up to half as large again.
+judges the pose that was planned without it, without all attempts of its fold. That is planned by fewer attempts than
+the ceiling is in trials, and so holds a little less often: a network's share of it comes out a little high. Standard
+errors are those of independent attempts; but attempts also choose the poses that others judge, so that true ones are up
+to half as large again.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ class Line:
 
     u_m, v_m, theta_rad: the commanded pose; expected: its success by the object's own attempts, with its standard error
     and the attempts that it rests on; of Table 1's true function that of poses planned without the attempts that judge
-    them (`ceiling`). NaN where there is none.
+    them, its error too small by up to a third (`ceiling`). NaN where there is none.
     """
 
     id: str
@@ -79,9 +79,10 @@ def trials_of_object(
     found: list[Trial] = []
     for cell, uncertainty, of_cell, own in zip(cells, uncertainties, plans, by_labels, strict=True):
         for planned in of_cell:
-            expected = expectation(scene, planned, uncertainty, attempts)
             if planned.network == TRUE:
                 expected = own.get(planned.method, UNKNOWN)
+            else:
+                expected = expectation(scene, planned, uncertainty, attempts)
             found += _trials(scene, bench, planned, cell, uncertainty, errors, expected)
     return found
 
@@ -136,7 +137,7 @@ def errors_of(name: str, count: int, seed: int) -> np.ndarray:
 
 
 def expectation(scene: Scene, planned: Planned, uncertainty: PoseUncertainty, attempts: Attempts | None) -> Expected:
-    """What the object's attempts say; nothing of its true function, which was made of them and chose by them."""
+    """What the object's attempts say; nothing of its true function, which was made of them (but see `ceilings`)."""
     if planned.q is None or attempts is None or planned.network == TRUE:
         return UNKNOWN
     return expected_under(scene.unmoved(planned.q), uncertainty, attempts)

@@ -1,4 +1,4 @@
-"""Methods of Table 1 against each other: by trials, and by what the labels lead one to expect of the same poses.
+"""Methods of Table 1 against each other: by trials, and by what labels lead one to expect of their poses.
 
 A trial is a draw of chance, and one or a few for each object leave a difference of 0.02 in a single cell undecided.
 What is expected of a pose rests on all attempts near it (evaluation/expected.py), for labelled objects alone.

@@ -144,9 +144,9 @@ def layout_means(means: pd.DataFrame, caption: str) -> Layout:
 
 
 def layout_differences(table: pd.DataFrame, block_heads: Mapping[str, str], caption: str) -> Layout:
-    """Differences cell by cell, over all cells, and in how many they are above 0; table: of `differences`.
+    """Differences and shares cell by cell, over all cells, and in how many a difference is above 0.
 
-    block_heads: as `block_names` has them. The true function's own have no place here.
+    table: of `differences`; block_heads: as `block_names` has them. The true function's own have no place here.
     """
     shown = table[table["comparison"].isin(SHOWN) & (table["network"] != TRUE)]
     cells = cells_of(shown[shown["sigma_uv_mm"].notna()])

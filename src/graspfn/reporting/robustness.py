@@ -76,9 +76,9 @@ def robustness_table(plans: pd.DataFrame) -> pd.DataFrame:
     """A row for every disturbance, amount, method and way to have the table (COLUMNS); plans: data/robustness.parquet.
 
     success, ci_low, ci_high: of trials in simulation, on `objects`. expected: success by the attempts of labels, on the
-    labelled ones, and expected_change that less its own on clean images, with its interval. stay_share: of the
-    `planned` objects. refused: plans for which the image was turned down. highest_score: of the network on an empty
-    table seen with the same disturbance, the highest over its draws.
+    labelled ones, not of the true function; expected_change: that less its own on clean images, with its interval.
+    stay_share: of the `planned` objects. refused: plans for which the image was turned down. highest_score: of the
+    network on an empty table seen with the same disturbance, the highest over its draws.
     """
     plans = plans.assign(known=expectations(plans))
     empty = plans[plans["empty"]].groupby(_KEY)["highest"].max()

@@ -35,12 +35,15 @@ def _expected(found: Numbers) -> str:
 
 
 def _share(found: Numbers | None) -> str:
-    """How much of the ceiling is reached by the labels, in all cells and in the worst; found: of SHARE."""
+    """A sentence on how much of the ceiling is reached by the labels; found: of SHARE."""
     if found is None or EXPECTED not in found:
         return ""
-    value, cells = found[EXPECTED]["value"], found[EXPECTED]["cells"].values()
-    least = min(cells, key=lambda cell: cell["value"])
-    return f", of which {ROBUST} has {value:.3f} by the labels, {least['value']:.3f}{interval(least)} in the worst cell"
+    share = found[EXPECTED]
+    least = min(cell["value"] for cell in share["cells"].values())
+    reached = f"{share['value']:.3f}{interval(share, digits=3)}"
+    return (
+        f" By the labels, {ROBUST} reaches {reached} of what planning by them does, and {least:.3f} in the worst cell."
+    )
 
 
 def trained(block: Numbers) -> dict[str, Numbers]:
@@ -65,10 +68,8 @@ def results_sentence(metrics: Numbers) -> str:
     )
     ceiling = block.get(slug(TRUE), {}).get("robust_best_grasp")
     if ceiling and "ceiling_minus_robust" in entry:
-        text += (
-            f"; the true grasp function, the ceiling, reaches {ceiling['mean_success']:.3f}{_share(entry.get(SHARE))}"
-        )
-    text += "."
+        text += f"; the true grasp function, the ceiling, reaches {ceiling['mean_success']:.3f}"
+    text += f".{_share(entry.get(SHARE))}"
     if HEADLINE in robust:
         text += f" At σuv = 5 mm, σθ = 10° it succeeds in {robust[HEADLINE]['value']:.3f}"
         if ceiling:

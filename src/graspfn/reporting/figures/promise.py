@@ -77,8 +77,8 @@ def plates(table1: pd.DataFrame, plans: pd.DataFrame) -> Iterator[Plate]:
         "promise_against_fact",
         "Promise against fact: the robust score that Robust Best Grasp saw at the pose it commanded, in ten bins, over "
         f"all cells and all {plans['id'].nunique():,} test objects, against the share of trials that held and the "
-        "success expected of those poses by the objects' own attempts (labelled objects; of the true function, of "
-        "poses planned without the attempts that judge them). Below the line more was promised than kept."
+        "success expected of those poses by the objects' own attempts (labelled objects; for the true function, of "
+        "other poses, planned without the attempts that judge them). Below the line more was promised than kept."
         f"{left} {floor_and_ceiling(table1)}Centroid promises nothing. Bars: 95% intervals with objects as clusters.",
         draw_promise_against_fact(robust, networks),
     )
