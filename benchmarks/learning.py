@@ -66,7 +66,8 @@ LONG = 2.0  # length over width of objects whose angle is judged
 def binomial_loss(logits: torch.Tensor, scores: torch.Tensor) -> torch.Tensor:
     """Of the attempts that held, given the expected score; arguments as of `grasp_loss`."""
     rate, _ = expected_scores(logits)
-    return functional.binary_cross_entropy(rate.clamp(1e-6, 1 - 1e-6), scores / (CLASSES - 1))
+    share = (scores / (CLASSES - 1)).clamp(0, 1)  # interpolation rounds
+    return functional.binary_cross_entropy(rate.clamp(1e-6, 1 - 1e-6), share)
 
 
 def attempts_loss(logits: torch.Tensor, counts: torch.Tensor) -> torch.Tensor:

@@ -41,6 +41,8 @@ def test_the_binomial_loss_is_least_at_the_rate():
         return learning.binomial_loss(logits, scores).item()
 
     assert min((0.2, 0.3, 0.4, 0.5, 0.6), key=loss) == 0.4
+    beyond = torch.full((1, 1, 1, 1), np.nextafter(np.float32(5), np.float32(6)))  # as a moved label can be rounded
+    assert learning.binomial_loss(torch.zeros(1, 1, 1, 1, 6), beyond).item() == pytest.approx(np.log(2))
 
 
 @pytest.mark.parametrize("finer", resolution.FINER)
