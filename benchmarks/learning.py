@@ -27,7 +27,7 @@ from objects import committed
 from torch.nn import functional
 
 from graspfn.compose import compose
-from graspfn.evaluation.expected import Attempts, expected_success
+from graspfn.evaluation.expected import Attempts, expected_under
 from graspfn.evaluation.objects import PlacedObjects, Placement
 from graspfn.geometry import grid
 from graspfn.geometry.transforms import move_pose, unmove_pose
@@ -91,7 +91,6 @@ class AttemptTargets:
 
     def __init__(self, held: np.ndarray, seeds: np.ndarray, table: pd.DataFrame):
         self.held, self.seeds, self.table = held, seeds, table
-        self.half = np.array([grid.SHAPE[1], grid.SHAPE[0]]) * grid.CELL_M / 2
 
     def batch(self, indices: list[int]) -> torch.Tensor:
         return torch.from_numpy(np.stack([self.counts(index) for index in indices]))
@@ -104,19 +103,24 @@ class AttemptTargets:
         q = move_pose(grid.sample_cells(n, np.random.default_rng(self.seeds[row])), shift, theta)
         if line["mirrored"]:
             q = q * [1, -1, -1]
-        at = np.rint(grid.to_index(q)).astype(int)
-        at[..., 2] %= grid.SHAPE[2]
-        inside = ((at >= 0) & (at < grid.SHAPE)).all(axis=-1)
+        at, inside = cells_of(q)
         flat = np.ravel_multi_index(tuple(at[inside].T), grid.SHAPE)
         total = int(np.prod(grid.SHAPE))
         counts = [np.bincount(flat, weights, total) for weights in (kept[inside].astype(float), None)]
         poses = grid.poses() * ([1, -1, -1] if line["mirrored"] else [1, 1, 1])
-        beyond = (abs(unmove_pose(poses, shift, theta)[..., :2]) > self.half).any(axis=-1)
-        counts[1] = np.maximum(counts[1], n * beyond.ravel())
+        _, attempted = cells_of(unmove_pose(poses, shift, theta))
+        counts[1] = np.maximum(counts[1], n * ~attempted.ravel())
         return np.stack(counts).reshape(2, *grid.SHAPE).astype(np.float32)
 
     def source(self) -> np.ndarray:
         return np.packbits(self.held)
+
+
+def cells_of(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Index (..., 3) int of the cell of Q that poses (..., 3) lie in, and whether there is one."""
+    at = np.rint(grid.to_index(q)).astype(int)
+    at[..., 2] %= grid.SHAPE[2]
+    return at, ((at >= 0) & (at < grid.SHAPE)).all(axis=-1)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -140,7 +144,7 @@ def success(q: np.ndarray | None, cell: tuple[float, float], attempts: Attempts)
         return 0.0
     with warnings.catch_warnings():  # of its standard error, where there is one attempt a cell
         warnings.simplefilter("ignore", RuntimeWarning)
-        return expected_success(q, cell[0] / 1e3, np.radians(cell[1]), attempts).value
+        return expected_under(q, PoseUncertainty.of(*cell), attempts).value
 
 
 def graspable(params: Params, kind: str) -> Iterator[Tested]:
