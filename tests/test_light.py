@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib.metadata
 import json
 import re
@@ -16,9 +15,6 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from test_plan_command import DEPTH, PINHOLE, SIGMA, write_mcap, write_pcd
-
-from graspfn.commands.card import card
-from graspfn.planning.model import DEFAULT
 
 ROOT = Path(__file__).parents[1]
 WORKFLOW = {"torch", "dvc", "dartpy", "dask", "distributed", "pandas", "numba", "llvmlite", "trimesh", "hydra", "onnx"}
@@ -86,12 +82,3 @@ def test_what_planning_imports_is_a_dependency_without_an_extra(loaded):
     packages = importlib.metadata.packages_distributions()
     others = imported - sys.stdlib_module_names - {"graspfn"}
     assert {canonicalize_name(packages[name][0]) for name in others} <= names
-
-
-def test_the_default_model_is_of_the_run_that_comes_along():
-    """docs/planning.md says how it is made anew."""
-    config = json.loads((DEFAULT / "config.json").read_text())
-    trained = hashlib.md5((DEFAULT / "weights.safetensors").read_bytes()).hexdigest()
-    assert (ROOT / "artifacts/files/md5" / trained[:2] / trained[2:]).is_file()
-    assert config["metrics"] and config["name"] == DEFAULT.name
-    assert (DEFAULT / "README.md").read_text() == card(config)

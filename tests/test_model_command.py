@@ -42,7 +42,7 @@ def run(tmp_path, monkeypatch) -> Path:
     Path("data/functions/fcn-0.npz").write_text("functions")
     Path("reports/desktop").mkdir(parents=True)
     table = {"objects": 84, "centroid": SUCCESS, "fcn": METHODS}
-    Path("reports/desktop/metrics.json").write_text(json.dumps({"table1": {"all": table}}))
+    Path("reports/desktop/metrics.json").write_text(json.dumps({"table1": {"all": table}, "labels": {"objects": 41}}))
     values = json.loads(json.dumps(dataclasses.asdict(PARAMS)))
 
     def stage(params="", outs=(), deps=()):
@@ -90,6 +90,7 @@ def test_a_model_says_all_it_needs_to_be_used_right(run):
     card = Path("out/README.md").read_text()
     assert "| robust | 0.610 | 0.550 to 0.660 |" in card and "opens 100 mm" in card and "## When not to use it" in card
     assert f"Scale `{PARAMS.scale}` of the workflow" in card
+    assert "- 41 objects of source" in card  # that were labelled, not params.yaml's count of those selected
     assert "{" not in card
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import shutil
 from pathlib import Path
 
 import made_bags
@@ -345,8 +346,18 @@ def test_what_is_missing_is_named(workplace):
 def test_without_a_model_it_is_the_one_that_comes_with_the_package(workplace):
     told = planned("object.npy", *PINHOLE, *SIGMA)
     assert told.pop("model") == "mico-fcn"
-    other = planned("object.npy", "--model", str(DEFAULT), *PINHOLE, *SIGMA)
-    assert other.pop("model") == str(DEFAULT) and other == told
+    for named in (str(DEFAULT), DEFAULT.name):
+        other = planned("object.npy", "--model", named, *PINHOLE, *SIGMA)
+        assert other.pop("model") == named and other == told
+
+
+def test_a_folder_of_ones_own_goes_before_a_model_of_its_name(workplace):
+    shutil.copytree("model", DEFAULT.name)
+    own = planned("object.npy", *OPTIONS)
+    assert planned("object.npy", "--model", DEFAULT.name, *PINHOLE, *SIGMA) == own | {"model": DEFAULT.name}
+    result = plan("object.npy", "--model", "mico", *PINHOLE, *SIGMA)
+    assert result.stderr.count("\n") == 1 and "it takes a model's folder, or one of" in result.stderr
+    assert DEFAULT.name in result.stderr
 
 
 def test_a_recording_whose_topic_is_wrong_says_which_there_are(workplace):

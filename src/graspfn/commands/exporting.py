@@ -66,7 +66,7 @@ def export_model(out: Path, run: str | None, licence: str | None) -> str:
 
 def _default_run(lock: dict[str, Any]) -> str:
     """Of the networks that take any camera (else of all) the one that the report has as best, or the first."""
-    params, every = read_yaml(Path("params.yaml")), _table(lock)
+    params, every = read_yaml(Path("params.yaml")), _table(_report(lock))
     try:
         networks: list[str] = params["networks"]
         networks = [name for name in networks if params["network"][name].get("input") == "height_map"] or networks
@@ -82,12 +82,16 @@ def _metrics_file(lock: dict[str, Any]) -> Path:
     return next((path for path in wrote if path.name == "metrics.json"), Path("reports/metrics.json"))
 
 
-def _table(lock: dict[str, Any]) -> dict[str, Any]:
-    """Of metrics.json what it says of all test objects; nothing where there is none."""
+def _report(lock: dict[str, Any]) -> dict[str, Any]:
+    """metrics.json; nothing where there is none."""
     path = _metrics_file(lock)
-    if not path.is_file():
-        return {}
-    every: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["table1"]["all"]
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    return found
+
+
+def _table(report: dict[str, Any]) -> dict[str, Any]:
+    """What a report says of all test objects."""
+    every: dict[str, Any] = report["table1"]["all"] if report else {}
     return every
 
 
@@ -135,14 +139,16 @@ def _tree(files: dict[str, str]) -> str:
 
 
 def _metrics(lock: dict[str, Any], run: str) -> dict[str, Any] | None:
-    """Success on the test objects, where the report is of this run."""
+    """How many objects it learned from, and success on the test objects, where the report is of this run."""
     if not _reported(lock, run):
         return None
-    every, name = _table(lock), run.rpartition("-")[0]
+    report = _report(lock)
+    every, name = _table(report), run.rpartition("-")[0]
     if name not in every:
         return None
     methods = {"robust": every[name]["robust_best_grasp"], "best": every[name]["best_grasp"]}
-    return {"test_objects": every["objects"], **methods, "centroid": every["centroid"]}
+    counts = {"train_objects": report["labels"]["objects"], "test_objects": every["objects"]}
+    return {**counts, **methods, "centroid": every["centroid"]}
 
 
 def _config(

@@ -19,7 +19,7 @@ def plan(
     ],
     model: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="A model's folder; mico-fcn, which comes with graspfn, if not given."),
+        typer.Option(metavar="MODEL", help="Its folder, or mico-fcn (if not given) or franka-fcn, which come along."),
     ] = None,
     camera: Annotated[
         Path | None, typer.Option(metavar="FILE", help="CameraInfo in YAML; not needed for .pcd and .mcap.")

@@ -107,12 +107,16 @@ def _draw(out: Path, path: Path, depth: np.ndarray, found: Grasp | NoGrasp, open
         raise InputError(f"--figure {out}: cannot be written: {error.strerror}") from None
 
 
-def checked_model(folder: Path | None) -> tuple[Path, GraspPlanner]:
-    """With the name by which answers call it."""
+def checked_model(given: Path | None) -> tuple[Path, GraspPlanner]:
+    """A folder's, or by its name one that comes along; with what answers call it."""
+    model = given or Path(DEFAULT.name)
+    along = {folder.name: folder for folder in sorted(DEFAULT.parent.iterdir()) if folder.is_dir()}
+    folder = model if given and given.exists() else along.get(str(model), model)
     try:
-        return folder or Path(DEFAULT.name), GraspPlanner.load(folder or DEFAULT)
+        return model, GraspPlanner.load(folder)
     except ValueError as error:  # ModelError, WeightsError, ParameterError
-        raise InputError(f"--model {folder}: {error}") from None
+        names = "" if folder.exists() else f"; it takes a model's folder, or one of {', '.join(along)}"
+        raise InputError(f"--model {given}: {error}{names}") from None
 
 
 def camera_of(file: Path | None, numbers: dict[str, float | None], distortion: tuple[float, ...] = ()) -> CameraOf:

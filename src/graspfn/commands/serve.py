@@ -13,7 +13,7 @@ from graspfn.commands.ending import BAD_INPUT, InputError, end_at
 
 def serve(
     model: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="A model's folder; `graspfn model export` makes one.")
+        Path | None, typer.Option(metavar="MODEL", help="Its folder, or the name of one that comes along.")
     ] = None,
     host: Annotated[str, typer.Option(help="Address to listen on; who reaches it may ask for grasps.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="0: a free one.")] = 8765,

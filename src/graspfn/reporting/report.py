@@ -48,10 +48,10 @@ def write_tables(
     (folder / "robustness.md").write_text(layout.to_markdown(third), encoding="utf-8")
     caption = tables.caption_differences(tables1.differences)
     gains = layout.layout_differences(tables1.differences, tables.block_names(tables1.cells), caption)
-    beside = [means, gains, *sources_of(tables1.sources, inputs)]
+    sources = sources_of(tables1.sources, inputs)
     with (folder / "table1.md").open("a", encoding="utf-8") as file:
-        file.writelines("\n" + layout.to_markdown(shown) for shown in beside)
-    return [*beside, *laid_out.values(), third]
+        file.writelines("\n" + layout.to_markdown(shown) for shown in (means, gains, *sources))
+    return [means, *sources, laid_out["table1"], gains, laid_out["table2"], third]
 
 
 def sources_of(sources: pd.DataFrame, inputs: ReportInputs) -> list[layout.Layout]:
