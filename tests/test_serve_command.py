@@ -394,7 +394,7 @@ def test_the_ros_node_of_the_documentation_gets_the_same_answer(port, monkeypatc
 def test_without_a_model_there_is_nothing_to_serve():
     result = CliRunner().invoke(app, ["serve", "--model", "nothing"])
     assert result.exit_code == 2 and result.stderr.count("\n") == 1
-    assert result.stderr.startswith("--model nothing: nothing/config.json")
+    assert result.stderr.startswith("--model nothing: no such folder")
 
 
 def test_the_model_that_comes_along_is_served_unless_another_is_asked_for(monkeypatch):

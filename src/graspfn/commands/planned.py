@@ -112,11 +112,12 @@ def checked_model(given: Path | None) -> tuple[Path, GraspPlanner]:
     model = given or Path(DEFAULT.name)
     along = {folder.name: folder for folder in sorted(DEFAULT.parent.iterdir()) if folder.is_dir()}
     folder = model if given and given.exists() else along.get(str(model), model)
+    if not folder.exists():
+        raise InputError(f"--model {given}: no such folder; it takes a model's, or {' or '.join(along)}")
     try:
         return model, GraspPlanner.load(folder)
     except ValueError as error:  # ModelError, WeightsError, ParameterError
-        names = "" if folder.exists() else f"; it takes a model's folder, or one of {', '.join(along)}"
-        raise InputError(f"--model {given}: {error}{names}") from None
+        raise InputError(f"--model {given}: {error}") from None
 
 
 def camera_of(file: Path | None, numbers: dict[str, float | None], distortion: tuple[float, ...] = ()) -> CameraOf:
