@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 from pathlib import Path
@@ -16,7 +17,7 @@ from graspfn.commands.card import card
 from graspfn.compose import compose
 from graspfn.geometry.transforms import T_world_scene, translation, unmove_pose
 from graspfn.meshes.placed import Resting
-from graspfn.params import validate
+from graspfn.params import Params, validate
 from graspfn.physics.attempt import Grasper
 from graspfn.physics.world import Rig
 from graspfn.planning.model import DEFAULT
@@ -33,7 +34,7 @@ SHAPES = {
         [trimesh.creation.box((0.13, 0.025, 0.03)), trimesh.creation.box((0.025, 0.13, 0.03))]
     ),
 }
-LONG = ("bar", "plate on edge")
+LONG = ("bar", "plate on edge")  # longer than any of the jaws opens
 
 
 def every(function):
@@ -42,6 +43,11 @@ def every(function):
 
 def config(folder: Path) -> dict:
     return json.loads((folder / "config.json").read_text())
+
+
+def params_of(folder: Path) -> Params:
+    """conf/ of today, with the gripper that the model names."""
+    return validate(compose([f"gripper={config(folder)['gripper']['name']}"], ROOT / "conf"))
 
 
 @every
@@ -56,11 +62,9 @@ def test_its_card_is_of_its_numbers(folder):
 @every
 def test_it_is_for_the_gripper_that_it_names(folder):
     """And of the physics of params.yaml: whoever edits conf/ is told that a model knows it as it was."""
-    said = config(folder)
-    params = validate(compose([f"gripper={said['gripper']['name']}"], ROOT / "conf"))
-    planner = GraspPlanner.load(folder)
-    assert planner.gripper == params.gripper
-    assert said["physics"] == json.loads(json.dumps(params.physics.__dict__))
+    params = params_of(folder)
+    assert GraspPlanner.load(folder).gripper == params.gripper
+    assert config(folder)["physics"] == dataclasses.asdict(params.physics)
 
 
 def test_the_default_one_is_of_the_run_that_comes_along():
@@ -71,9 +75,8 @@ def test_the_default_one_is_of_the_run_that_comes_along():
 
 @every
 def test_what_it_plans_is_held(folder):
-    """On images of shapes that no training object had, turned and shifted, in DART with the gripper that it is for."""
-    planner, said = GraspPlanner.load(folder), config(folder)
-    params = validate(compose([f"gripper={said['gripper']['name']}"], ROOT / "conf"))
+    """On images of five shapes, turned and shifted, in DART with the gripper that it is for."""
+    planner, params = GraspPlanner.load(folder), params_of(folder)
     rng, rig = np.random.default_rng(5), Rig(params.physics, params.gripper, params.attempt)
     held = across = 0
     for name, mesh in SHAPES.items():
@@ -85,7 +88,5 @@ def test_what_it_plans_is_held(folder):
             assert isinstance(found, Grasp), found
             q, grasper = unmove_pose(found.q, shift, theta), Grasper(resting, rig)
             held += grasper.run(q).held
-            across += (
-                name in LONG and grasper.run(q + np.array([0, 0, np.pi / 2])).held
-            )  # longer than any of the jaws opens
+            across += name in LONG and grasper.run(q + np.array([0, 0, np.pi / 2])).held
     assert held >= 14 and across == 0, held

@@ -14,19 +14,20 @@ from typing import Any
 
 from graspfn.commands.card import card
 from graspfn.commands.ending import InputError
+from graspfn.evaluation.planner import TRUE
 from graspfn.learning.folder import read_config, read_network
 from graspfn.learning.onnx_file import write_onnx
 from graspfn.learning.weights import load_network
 from graspfn.params import ParameterError, read_yaml
 from graspfn.planning.model import FEWEST_PX, FORMAT, GRID, NETWORK
 from graspfn.planning.planner import GraspPlanner
+from graspfn.reporting.metrics import slug
 from graspfn.workflow.files import atomic
 
 WEIGHTS, CONFIG, CARD = "weights.safetensors", "config.json", "README.md"  # beside network.onnx
 NETWORKS, FUNCTIONS, TRIALS = Path("data/networks"), Path("data/functions"), "data/trials.parquet"
 LOCK = Path("dvc.lock")
 LICENCE, OURS = "MIT", "procedural"  # the code's own, and the meshes that it makes
-TRUE_FUNCTION = "true_function"  # as metrics.json calls it
 PACKAGES = ("graspfn", "torch", "numpy", "dartpy")
 
 
@@ -149,7 +150,8 @@ def _metrics(lock: dict[str, Any], run: str) -> dict[str, Any] | None:
         return None
     counts = {"train_objects": report["labels"]["objects"], "test_objects": every["objects"]}
     methods = {"robust": every[name]["robust_best_grasp"], "best": every[name]["best_grasp"]}
-    ceiling = {"ceiling": every[TRUE_FUNCTION]["robust_best_grasp"]} if TRUE_FUNCTION in every else {}
+    true = slug(TRUE)
+    ceiling = {"ceiling": every[true]["robust_best_grasp"]} if true in every else {}
     return {**counts, **methods, "centroid": every["centroid"], **ceiling}
 
 
